@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
@@ -149,3 +150,19 @@ def test_fixes_off_the_map_are_told_of_all_trips_together(tmp_path, town):
     pq.write_table(table.set_column(2, "lat", pa.array(lat)), source)
     done = run("match", source, "--map", town)
     assert "note: 3 of 40 fixes (7.5 %) are farther than 1 km" in done.stderr
+
+
+def test_the_order_of_dates_of_a_table_of_trips_may_be_said(tmp_path, town):
+    source = trips(tmp_path, ["a", "b"])
+    table = pq.read_table(source)
+    october = 1.6e9 + 20 * 86_400.0  # the 3rd
+    moments = pa.array(np.array(table["time"]) + october - 1.6e9, pa.float64())
+    moments = moments.cast(pa.int64()).cast(pa.timestamp("s"))
+    table = table.set_column(1, "time", pc.strftime(moments, "%m/%d/%Y %H:%M:%S"))
+    pq.write_table(table, source)
+    refused = run("match", source, "--map", town)
+    assert "--dates" in str(refused.exception) + refused.output
+    out = tmp_path / "points.parquet"
+    done = run("match", source, "--map", town, "-o", out, "--dates", "mdy")
+    assert done.exit_code == 0, done.output
+    assert pq.read_table(out)["time"][0].as_py().timestamp() == october

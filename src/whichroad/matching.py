@@ -137,6 +137,7 @@ def match(
     id: str | None = None,
     columns: Mapping[str, str | int] | None = None,
     tz: str | None = None,
+    dates: str | None = None,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Result:
     """Match a drive to the road network: pose, road and probabilities at every epoch.
@@ -168,6 +169,7 @@ def match(
         id: The column of tables whose values tell drives apart.
         columns: Own names of columns in tables, e.g. {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times in tables that name none, e.g. "Europe/Berlin"; None: UTC.
+        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
         progress: Called with (drive_id, epochs done, epochs in all).
 
     Returns:
@@ -206,7 +208,7 @@ def match(
         check_start(pose, road_map)
     drives = _drives(
         drive, settings or _USUAL, can, dbc, vehicle=vehicle or _A_CAR, crs=crs, id=id,
-        columns=own or None, tz=tz,
+        columns=own or None, tz=tz, dates=dates,
     )  # fmt: skip
     check_mask(drives, windows)
     for one in drives:

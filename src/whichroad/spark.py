@@ -39,7 +39,7 @@ def match(
         partitions: Of the shuffle by trip; None: as Spark is set.
         ship: Send the map to the workers by `SparkContext.addFile`.
         options: As of `whichroad.fleet.match_batches`: vehicle, settings, lag, crs, columns, tz,
-            sensors, split.
+            dates, sensors, split.
 
     Returns:
         A DataFrame with the columns of `whichroad.fleet.SCHEMAS[give]`, of a folder of maps with
@@ -60,14 +60,14 @@ def match(
     from .evidence.sensed import columns_of
     from .fleet import MAPS_SCHEMAS, SCHEMAS
     from .fleet.inputs import used_columns
-    from .readers.dates import zone_of
+    from .readers.dates import Writing
     from .readers.many_trips import own_names
     from .readers.names import find
 
     if give not in SCHEMAS:
         raise SettingError(f"give is {give!r}; one of {', '.join(SCHEMAS)} was expected")
     columns, trip_id = own_names(options.get("columns"), trip_id)
-    zone_of(options.get("tz"))
+    Writing.of(options.get("tz"), options.get("dates"))
     own = {**columns, **columns_of(options.get("sensors", ()))}
     used = used_columns(df.columns, trip_id, "df", own)
     name, several = str(map), Path(map).is_dir()

@@ -5,13 +5,15 @@ from email.utils import format_datetime
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from whichroad.errors import ReadError
 from whichroad.readers import drive_from_table, read_drive
-from whichroad.readers.dates import day_of, of_texts
+from whichroad.readers.dates import UNSAID, Writing, day_of, of_texts
+from whichroad.readers.splitting import in_time_order
 
 START = datetime(2026, 3, 28, 22, 30, 0, tzinfo=UTC)
 T0 = START.timestamp()
@@ -69,7 +71,7 @@ def test_any_date_is_read_as_python_reads_it(moment, form):
     moment = moment.replace(microsecond=0)
     if form.startswith(("%d/", "%m/")) and moment.day <= 12 and moment.day != moment.month:
         return  # of a single date it cannot be known which number is the month
-    read = of_texts([moment.strftime(form)], None, "x")
+    read = of_texts([moment.strftime(form)], UNSAID, "x")
     if read is None:  # digits alone are read as a number
         assert form == "%Y%m%d%H%M%S"
         return
@@ -171,8 +173,36 @@ def test_a_zone_that_has_no_effect_is_said_and_an_unknown_one_refused():
 
 def test_dates_whose_month_cannot_be_known_are_refused_with_what_to_do(tmp_path):
     for time in (["03/04/2026 10:00:00"] * N, ["03-04-2026 10:00"] * N):
-        with pytest.raises(ReadError, match=r"which number is the month; ISO 8601 .* write them"):
+        with pytest.raises(ReadError, match=r"is the month; ISO 8601 .* write them .*--dates"):
             drive_of(tmp_path, time=time)
+
+
+@pytest.mark.parametrize("form", ["%m/%d/%Y %I:%M:%S %p", "%m-%d-%Y %H:%M:%S"])
+def test_the_caller_may_say_whether_month_or_day_comes_first(tmp_path, form):
+    path = tmp_path / "x.csv"
+    moments = pd.date_range("2026-06-01T22:30:00Z", periods=N, freq="s")
+    frame = pd.DataFrame({"time": moments.strftime(form), "lat": LAT, "lon": 8.7})
+    frame.to_csv(path, index=False)
+    for (drive,) in (read_drive(path, dates="mdy"), drive_from_table(frame, dates="mdy")):
+        assert drive.fixes.time[0] == moments[0].timestamp()
+        assert len(drive.fixes) == N
+    (drive,) = read_drive(path, dates="dmy")
+    assert drive.fixes.time[0] == pd.Timestamp("2026-01-06T22:30:00Z").timestamp()
+
+
+def test_an_order_of_dates_that_does_not_fit_or_is_none_is_refused():
+    frame = pd.DataFrame({"time": ["06/28/2026 10:00:00"] * N, "lat": LAT, "lon": 8.7})
+    with pytest.raises(ReadError, match=r"'06/28/2026 10:00:00'; .* in the order dmy of dates"):
+        drive_from_table(frame, dates="dmy")
+    with pytest.raises(ReadError, match="'ymd' is no order of day, month and year; mdy"):
+        drive_from_table(frame, dates="ymd")
+
+
+def test_the_order_of_dates_holds_where_vehicles_are_cut_into_trips():
+    moments = pd.date_range("2026-06-01T22:30:00Z", periods=N, freq="s")
+    table = pa.table({"time": moments.strftime("%m/%d/%Y %H:%M:%S"), "lat": LAT, "lon": [8.7] * N})
+    _, seconds = in_time_order(table, written=Writing.of(None, "mdy"))
+    assert seconds[0] == moments[0].timestamp()
 
 
 @pytest.mark.parametrize(

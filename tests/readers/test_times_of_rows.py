@@ -8,6 +8,7 @@ import pyarrow as pa
 import pytest
 
 from whichroad.readers import drive_from_table
+from whichroad.readers.dates import Writing
 from whichroad.readers.regular_trips import batched_fixes
 from whichroad.readers.splitting import split_trips
 from whichroad.settings import Settings
@@ -151,7 +152,7 @@ def test_drives_of_one_table_go_through_the_change_on_their_own():
 
 def test_a_vehicle_is_cut_into_trips_in_the_order_of_true_times():
     table = pa.Table.from_pandas(in_berlin("2026-10-25T00:55:00")[1])
-    ordered, parts = split_trips(table, 300.0, zone=ZoneInfo("Europe/Berlin"))
+    ordered, parts = split_trips(table, 300.0, written=Writing(ZoneInfo("Europe/Berlin")))
     assert len(parts) == 1
     assert ordered["time"].to_pylist() == table["time"].to_pylist()
 

@@ -12,7 +12,7 @@ import pyarrow as pa
 from ..errors import SettingError
 from ..lookback.smoothing import Lag
 from ..readers import read_vehicle
-from ..readers.dates import zone_of
+from ..readers.dates import Writing
 from ..readers.many_trips import TripBatch, own_names, trip_batches
 from ..readers.ordered_trips import ordered_batches
 from ..readers.splitting import seconds_of
@@ -47,6 +47,7 @@ def match_many(
     crs: Any = None,
     columns: Mapping[str, str] | None = None,
     tz: str | None = None,
+    dates: str | None = None,
     sensors: Sequence[Sensor] = (),
     places: Any = None,
     split: str | float | None = None,
@@ -74,6 +75,7 @@ def match_many(
         crs: Reference system of `x, y` columns, as in `match`.
         columns: Own names of columns, e.g. {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
+        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the table.
         places: Point objects, as `match` takes them.  The tables `ahead` and `nearby` then have
             those within 500 m ahead and within 50 m of each epoch.
@@ -93,7 +95,8 @@ def match_many(
     parts = list(
         match_stream(
             table, roads, drive_id=drive_id, vehicle=vehicle, settings=settings, lag=lag,
-            attributes=attributes, crs=crs, columns=columns, tz=tz, sensors=sensors,
+            attributes=attributes, crs=crs, columns=columns, tz=tz, dates=dates,
+            sensors=sensors,
             places=places, split=split, threads=threads, progress=progress,
         )
     )  # fmt: skip
@@ -112,6 +115,7 @@ def match_stream(
     crs: Any = None,
     columns: Mapping[str, str] | None = None,
     tz: str | None = None,
+    dates: str | None = None,
     sensors: Sequence[Sensor] = (),
     places: Any = None,
     split: str | float | None = None,
@@ -131,12 +135,23 @@ def match_stream(
     workers = threads or cores()
     own, drive_id = own_names(columns, drive_id)
     job = job_of(
-        roads, vehicle, settings, lag, attributes, crs, split=split is not None, columns=own, tz=tz
+        roads,
+        vehicle,
+        settings,
+        lag,
+        attributes,
+        crs,
+        split=split is not None,
+        columns=own,
+        tz=tz,
+        dates=dates,
     ).with_more(sensors, places)
     own = job.own_columns()
     done = 0
     with ThreadPoolExecutor(workers, thread_name_prefix="whichroad") as pool:
-        chunks = trip_batches(table, drive_id, split=seconds_of(split), own=own, zone=job.zone)
+        chunks = trip_batches(
+            table, drive_id, split=seconds_of(split), own=own, written=job.written
+        )
         chunks = with_units(chunks, job.reading)
         for tables in _in_order(pool, job.tables, chunks, 2 * workers):
             done += tables.drives.num_rows
@@ -158,6 +173,7 @@ def match_batches(
     crs: Any = None,
     columns: Mapping[str, str] | None = None,
     tz: str | None = None,
+    dates: str | None = None,
     sensors: Sequence[Sensor] = (),
     split: str | float | None = None,
     ordered: bool = False,
@@ -180,6 +196,7 @@ def match_batches(
         crs: Reference system of `x, y` columns.
         columns: Own names of columns, as in `match_many`.
         tz: Likewise.
+        dates: Likewise.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the batches.
         split: As in `match_many`.
         ordered: The batches are an iterator in which the rows of each trip follow each other,
@@ -200,7 +217,7 @@ def match_batches(
     points = attributes and give == "points"
     job = job_of(
         map, vehicle, settings, lag, points, crs, wanted, split=split is not None, columns=own,
-        tz=tz,
+        tz=tz, dates=dates,
     ).with_more(sensors, None)  # fmt: skip
     for tables in match_tables(batches, job, trip_id, seconds_of(split), ordered=ordered):
         table = slim(tables.points) if give == "slim" else getattr(tables, give)
@@ -217,11 +234,11 @@ def match_tables(
 
     `units` are those that a larger table has told.
     """
-    own, zone = job.own_columns(), job.zone
+    own, written = job.own_columns(), job.written
     if ordered:
-        chunks = ordered_batches(batches, trip_id, split=split, own=own, zone=zone)
+        chunks = ordered_batches(batches, trip_id, split=split, own=own, written=written)
     else:
-        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own, zone=zone)
+        chunks = trip_batches(batches, trip_id, split=split, strict=True, own=own, written=written)
     for chunk in with_units(chunks, job.reading, units):
         yield job.tables(chunk)
 
@@ -235,21 +252,31 @@ def job_of(
     roads: Any, vehicle: Any, settings: Settings | None, lag: Any, attributes: bool, crs: Any,
     give: frozenset[str] = ALL, *, split: bool = False,
     columns: Mapping[str, str | int] | None = None, tz: str | None = None,
+    dates: str | None = None,
 ) -> Job | MapsJob:  # fmt: skip
     """What all trips share; `split`: they are parts already.
 
     Raises:
-        ReadError: There is no such zone.
+        ReadError: There is no such zone or order of dates.
         MapError: The map is not one.
         SettingError: A setting is out of bounds.
     """
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
-    zone_of(tz)
+    Writing.of(tz, dates)
     maps = shared_maps(Path(roads)) if is_folder(roads) else roads
     one = next(iter(maps.values())) if isinstance(maps, RoadMaps) else shared_map(maps)
     job = Job(
-        one, vehicle, settings, Lag.of(lag), attributes, crs, give, columns=columns or {}, tz=tz
+        one,
+        vehicle,
+        settings,
+        Lag.of(lag),
+        attributes,
+        crs,
+        give,
+        columns=columns or {},
+        tz=tz,
+        dates=dates,
     )
     return MapsJob(maps, job, split) if isinstance(maps, RoadMaps) else job
 

@@ -1,7 +1,6 @@
 """The trips of a chunk on several maps: each on the map that holds it, the tables as one."""
 
 from collections.abc import Iterator, Sequence
-from datetime import tzinfo
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from ..errors import SettingError, WhichroadError
 from ..observations import Array
 from ..readers import drive_from_table
+from ..readers.dates import Writing
 from ..readers.many_trips import TripBatch
 from ..readers.names import find
 from ..readers.reading import Reading
@@ -48,9 +48,9 @@ class MapsJob(NamedTuple):
         return self.maps.identity
 
     @property
-    def zone(self) -> tzinfo | None:
+    def written(self) -> Writing:
         """As of `Job`."""
-        return self.job.zone
+        return self.job.written
 
     def with_more(self, sensors: Sequence[Sensor], places: Any) -> "MapsJob":
         """The job with further sensors, as `Job.with_more`; places belong to one map.
@@ -110,7 +110,7 @@ class MapsJob(NamedTuple):
 
     def _at_borders(self, name: str, rows: pa.Table, trip: int) -> Iterator[_Part]:
         """The parts of a trip, or all of it where it cannot be read."""
-        rows, time = in_time_order(rows, self.job.columns, self.zone)
+        rows, time = in_time_order(rows, self.job.columns, self.written)
         at, lat, lon = self._fixes(rows, time)
         if not len(at):
             yield _Part(name, rows, 0, None, trip)
@@ -143,6 +143,7 @@ class MapsJob(NamedTuple):
                 crs=self.job.crs,
                 columns=self.job.columns,
                 tz=self.job.tz,
+                dates=self.job.dates,
             )[0].fixes
         except WhichroadError:  # matching the trip will say why
             fixes = None

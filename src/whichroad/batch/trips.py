@@ -7,7 +7,6 @@ A trip that cannot be matched gets a row that says why, and the others go on.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import tzinfo
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -26,7 +25,7 @@ from ..lookback.traversals import traversals
 from ..matching import are_near, timeline_of, tuned_by
 from ..places import Places, places_on
 from ..readers import drive_from_table
-from ..readers.dates import zone_of
+from ..readers.dates import Writing
 from ..readers.many_trips import APART, TripBatch
 from ..readers.reading import Reading
 from ..readers.regular_trips import batched_fixes
@@ -155,6 +154,7 @@ class Job(NamedTuple):
     sensors: tuple[Sensor, ...] = ()
     columns: Mapping[str, str | int] = {}  # own names, as `names.find` takes them
     tz: str | None = None  # of times that name no zone
+    dates: str | None = None  # mdy or dmy, of dates such as 06/01/2026
     places: Places | None = None
 
     @property
@@ -163,9 +163,9 @@ class Job(NamedTuple):
         return self.roads.identity
 
     @property
-    def zone(self) -> tzinfo | None:
-        """Of times that name none; None: UTC."""
-        return zone_of(self.tz)
+    def written(self) -> Writing:
+        """How times are written, where they do not show it."""
+        return Writing.of(self.tz, self.dates)
 
     def with_more(self, sensors: Sequence[Sensor], places: Any) -> "Job":
         """The job with further sensors and with places, as `match` takes them.
@@ -226,7 +226,7 @@ class Job(NamedTuple):
         first, usable = np.array(chunk.first), np.zeros(len(chunk.names), np.bool_)
         outside = np.zeros(len(chunk.names), np.int64)
         read = batched_fixes(
-            chunk.table, first[:-1], self.settings or Settings(), self.columns, self.zone,
+            chunk.table, first[:-1], self.settings or Settings(), self.columns, self.written.zone,
             chunk.units,
         )  # fmt: skip
         if read is None or not len(read.fixes):
@@ -282,7 +282,7 @@ class Job(NamedTuple):
                 drive = drive_from_table(
                     rows_, vehicle=self.vehicle, settings=self.settings, crs=self.crs,
                     columns={**self.columns, **(sensed.columns if sensed else {})}, tz=self.tz,
-                    units=chunk.units,
+                    dates=self.dates, units=chunk.units,
                 )[0]  # fmt: skip
                 timeline, outside = timeline_of(drive, self.roads, vehicle, sensed=sensed)
                 if sensed is not None:

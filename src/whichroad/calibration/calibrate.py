@@ -99,7 +99,8 @@ def calibrate(
         settings: The model's numbers.
         threads: How many drives are filtered at a time; None: one for each core.
         progress: Called with what is done.
-        **reading: As `read_drive` takes it: `dbc`, `crs`, `id`, `columns`, `tz`.
+        **reading: As `read_drive` takes it: `dbc`, `crs`, `id`, `columns`, `tz`,
+            `dates`.
 
     Returns:
         The car, and each number with its interval and its held-out evidence.

@@ -105,6 +105,13 @@ ZoneOption = Annotated[
         help="Time zone of times that name none, such as Europe/Berlin. Default: UTC.",
     ),
 ]
+DatesOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="mdy|dmy",
+        help="Whether month or day comes first in dates such as 06/01/2026. Default: as they show.",
+    ),
+]
 
 
 def read_columns(texts: list[str] | None) -> dict[str, str | int]:

@@ -11,6 +11,7 @@ from .arguments import (
     CanOption,
     ColumnsOption,
     CrsOption,
+    DatesOption,
     DbcOption,
     Force,
     IdOption,
@@ -39,6 +40,7 @@ def calibrate(
     id_: IdOption = None,
     columns: ColumnsOption = None,
     tz: ZoneOption = None,
+    dates: DatesOption = None,
     force: Force = False,
 ) -> None:
     """Learn a car's odometry, antenna, clock and noise from its own drives."""
@@ -51,7 +53,7 @@ def calibrate(
     with progress_line() as progress:
         found = learn(
             logs, roads, vehicle=vehicle, dbc=dbc, crs=crs, id=id_,
-            columns=read_columns(columns) or None, tz=tz,
+            columns=read_columns(columns) or None, tz=tz, dates=dates,
             progress=lambda what: progress(what, 0, 0),
         )  # fmt: skip
     try:

@@ -9,6 +9,7 @@ from ..wording import counted
 from .arguments import (
     ColumnsOption,
     CrsOption,
+    DatesOption,
     SensorOption,
     VehicleOption,
     ZoneOption,
@@ -75,6 +76,7 @@ def fleet(
     crs: CrsOption = None,
     columns: ColumnsOption = None,
     tz: ZoneOption = None,
+    dates: DatesOption = None,
     sensor: SensorOption = None,
     places: Annotated[
         Path | None,
@@ -103,7 +105,7 @@ def fleet(
 
         summary = run_fleet(
             trips, roads, out, trip_id=trip_id, split=split, order=order, points=points,
-            vehicle=vehicle, lag=lag, crs=crs, columns=own, tz=tz, sensors=sensors,
+            vehicle=vehicle, lag=lag, crs=crs, columns=own, tz=tz, dates=dates, sensors=sensors,
             places=places, workers=workers, memory=memory, resume=resume, progress=tell,
         )  # fmt: skip
     print_fleet(summary)

@@ -10,6 +10,7 @@ from .arguments import (
     CanOption,
     ColumnsOption,
     CrsOption,
+    DatesOption,
     DbcOption,
     IdOption,
     VehicleOption,
@@ -35,6 +36,7 @@ def inspect(
     id_: IdOption = None,
     columns: ColumnsOption = None,
     tz: ZoneOption = None,
+    dates: DatesOption = None,
 ) -> None:
     """Print what files hold, how they were read, and the command to match them."""
     from ..inspection import inspect_files
@@ -43,7 +45,7 @@ def inspect(
         progress("reading", 0, 0)
         found = inspect_files(
             files, can=can, dbc=dbc, vehicle=vehicle, crs=crs, id=id_,
-            columns=read_columns(columns) or None, tz=tz,
+            columns=read_columns(columns) or None, tz=tz, dates=dates,
         )  # fmt: skip
     for section in found.sections:
         print_table(section.title, section.rows)

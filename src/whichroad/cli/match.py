@@ -11,6 +11,7 @@ from .arguments import (
     CanOption,
     ColumnsOption,
     CrsOption,
+    DatesOption,
     DbcOption,
     Force,
     IdOption,
@@ -59,6 +60,7 @@ def match(
     id_: IdOption = None,
     columns: ColumnsOption = None,
     tz: ZoneOption = None,
+    dates: DatesOption = None,
     start: Annotated[
         str | None,
         typer.Option(
@@ -178,7 +180,7 @@ def match(
         return match_trips(
             drive[0], roads, out=out, path_out=path_out, by_source=by_source, every=every,
             force=force, vehicle=vehicle, attributes=attributes, lag=lag, crs=crs,
-            drive_id=id_ or "drive_id", columns=own, tz=tz, sensors=more,
+            drive_id=id_ or "drive_id", columns=own, tz=tz, dates=dates, sensors=more,
         )  # fmt: skip
     with progress_line() as progress:
         car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)
@@ -193,6 +195,7 @@ def match(
             columns=own | columns_of(more),
             tz=tz,
             skip_unreadable=True,
+            dates=dates,
         )
         if (report or lineage) is not None and len(drives) > 1:
             raise DriveError(

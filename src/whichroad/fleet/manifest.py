@@ -26,6 +26,7 @@ def asked(task: Task, inputs: Inputs, order: str, identity: dict[str, Any]) -> d
         "trip_id": task.trip_id,
         "columns": dict(task.columns),
         "tz": task.tz,
+        "dates": task.dates,
         "order": order,
         "split_s": task.split,
         "points": task.points,

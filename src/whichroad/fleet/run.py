@@ -21,7 +21,7 @@ from ..evidence.sensed import checked
 from ..lookback.smoothing import Lag
 from ..places.place_table import read_places
 from ..readers import read_vehicle
-from ..readers.dates import zone_of
+from ..readers.dates import Writing
 from ..readers.many_trips import own_names, zone_note_of
 from ..readers.names import find
 from ..readers.ordered_trips import ordered_batches
@@ -80,6 +80,7 @@ def run_fleet(
     crs: Any = None,
     columns: Mapping[str, str] | None = None,
     tz: str | None = None,
+    dates: str | None = None,
     sensors: Sequence[Sensor] = (),
     places: str | Path | None = None,
     workers: int | None = None,
@@ -106,6 +107,7 @@ def run_fleet(
         crs: Reference system of `x, y` columns.
         columns: Own names of columns, as in `match_many`.
         tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
+        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the files.
         places: Path of a table of point objects: `ahead` and `nearby` have those within 500 m
             ahead and within 50 m, at each epoch.
@@ -125,7 +127,7 @@ def run_fleet(
     began = time.monotonic()
     _check(order, points, workers)
     own, trip_id = own_names(columns, trip_id)
-    zone_of(tz)
+    Writing.of(tz, dates)
     if places is not None:
         if is_folder(map):
             raise SettingError(f"{map}: places are read for one map, and this is a folder of them")
@@ -149,7 +151,7 @@ def run_fleet(
     task = Task(
         str(compiled), str(folder.resolve()), trip_id, points, vehicle, settings, lag, crs,
         seconds_of(split), checked(sensors), None if places is None else str(places),
-        own, tz,
+        own, tz, dates,
     )  # fmt: skip
     now = manifest.asked(task, inputs, order, roads.identity)
     if held is not None:

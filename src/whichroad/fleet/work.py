@@ -46,6 +46,7 @@ class Task(NamedTuple):
     columns: Mapping[str, str | int] = {}  # own names
     tz: str | None = None  # of times that name no zone
     units: KnownUnits = {}  # noqa: RUF012 - of columns that name none
+    dates: str | None = None  # mdy or dmy, of dates such as 06/01/2026
 
     def folder(self, table: str) -> Path:
         """Where the files of a table go."""
@@ -105,7 +106,7 @@ def run_unit(task: Task, unit: Unit) -> Done:
     give = frozenset(task.tables) | {"drives"}
     job = job_of(
         task.map, task.vehicle, task.settings, task.lag, False, task.crs, give,
-        split=task.split is not None, columns=task.columns, tz=task.tz,
+        split=task.split is not None, columns=task.columns, tz=task.tz, dates=task.dates,
     )  # fmt: skip
     about = None if task.places is None else _places(task.places, task.map)
     job = job.with_more(task.sensors, about)

@@ -2,7 +2,6 @@
 
 import math
 from collections import Counter
-from datetime import tzinfo
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,7 +9,17 @@ import numpy as np
 from ..errors import ReadError
 from ..observations import Array
 from .checks import Ints, Skipped, keep
-from .dates import is_clock, of_clocks, of_days, of_numbers, of_texts, plausible, to_utc
+from .dates import (
+    UNSAID,
+    Writing,
+    is_clock,
+    of_clocks,
+    of_days,
+    of_numbers,
+    of_texts,
+    plausible,
+    to_utc,
+)
 from .names import Column
 
 if TYPE_CHECKING:
@@ -96,7 +105,7 @@ def times(
     where: str,
     skipped: Skipped,
     *,
-    zone: tzinfo | None = None,
+    written: Writing = UNSAID,
     date: "pa.ChunkedArray | None" = None,
 ) -> Times:
     """A column of times, or a column of times of day and one of dates.
@@ -106,7 +115,7 @@ def times(
         meaning: Gives the unit of numbers, where the column's name does.
         where: The source, for errors.
         skipped: Counts cells that are no time.
-        zone: Of times that name none; None: UTC.
+        written: How they are written, where they do not show it.
         date: The dates, where the column may hold times of day.
 
     Raises:
@@ -119,7 +128,7 @@ def times(
     if pa.types.is_timestamp(kind):
         ticks = _floats(column.cast(pa.int64()).cast(pa.float64(), safe=False))
         seconds, zoneless = plausible(ticks / _PER_SECOND[kind.unit]), kind.tz is None
-        return Times(to_utc(seconds, zone) if zoneless else seconds, zoneless)
+        return Times(to_utc(seconds, written.zone) if zoneless else seconds, zoneless)
     clocks = pa.types.is_time(kind) or pa.types.is_date(kind)
     if not (clocks or _is_text(kind) or _is_number(kind)):
         raise ReadError(
@@ -129,12 +138,12 @@ def times(
         cells = strings(column)
         moments = None
         if date is not None and (clocks or not _is_text(kind) or any(map(_may_be_clock, cells))):
-            moments = of_days(strings(date), cells, zone, said)
+            moments = of_days(strings(date), cells, written, said)
             if moments is not None and not (clocks or _is_text(kind)):
                 whole = np.isfinite(moments.seconds).mean() > 0.99  # else the numbers are no clock
                 moments = moments if whole else None
         if moments is None and (clocks or _is_text(kind)):
-            moments = of_texts(cells, zone, said)
+            moments = of_texts(cells, written, said)
         if moments is not None:
             empty = np.array([not cell for cell in cells], bool)
             keep(np.isfinite(moments.seconds) | empty, _TIME, skipped)
@@ -148,7 +157,7 @@ def times(
     values[~np.isfinite(values)] = np.nan
     if meaning.factor:
         return Times(values * meaning.factor)
-    moments = of_numbers(values, zone)
+    moments = of_numbers(values, written.zone)
     return Times(values, counted=True) if moments is None else Times(*moments)
 
 
@@ -167,7 +176,8 @@ def is_zoneless(cell: "pa.Array", meaning: Column) -> bool:
             None if meaning.factor or value is None else of_numbers(np.array([float(value)]), None)
         )
         return read is not None and read.zoneless
-    return times(pa.chunked_array([cell]), meaning, "table", Counter()).zoneless
+    either = Writing(month_first=True)  # one time need not show which number is its month
+    return times(pa.chunked_array([cell]), meaning, "table", Counter(), written=either).zoneless
 
 
 def _plain(column: "pa.ChunkedArray") -> tuple["pa.ChunkedArray", "pa.DataType"]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import ReadError
 from .checks import Skipped, listed
-from .dates import is_clock, of_texts
+from .dates import UNSAID, is_clock, of_texts
 from .names import NAMES, Column, NoSuchColumn, Seen, find, with_unit
 from .reading import Reading
 
@@ -190,7 +190,7 @@ def _with_index(names: list[str], body: bytes, delimiter: str, reading: Reading)
         return names
     line = body[:_HEAD].split(b"\n", 1)[0].decode("utf-8", "replace")
     cell = (_cells(line, delimiter) or [""])[0]
-    return ["time", *names[1:]] if of_texts([cell], None, "") else names
+    return ["time", *names[1:]] if of_texts([cell], UNSAID, "") else names
 
 
 def _rows(

@@ -54,6 +54,30 @@ _MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 _COMPACT = ((12, 1), (14, 1), (17, 1000))  # digits of YYYYMMDDhhmm, with ss, with thousandths
 
 
+class Writing(NamedTuple):
+    """How times are written, where they do not show it themselves."""
+
+    zone: tzinfo | None = None  # of those that name none; None: UTC
+    month_first: bool | None = None  # in dates such as 06/01/2026; None: as their numbers show
+
+    @classmethod
+    def of(cls, tz: str | None, dates: str | None) -> "Writing":
+        """By what callers say: a zone, and `mdy` or `dmy`.
+
+        Raises:
+            ReadError: It is neither.
+        """
+        if dates not in (None, "mdy", "dmy"):
+            raise ReadError(
+                f"dates: {dates!r} is no order of day, month and year; mdy (06/28/2026) or dmy "
+                "(28/06/2026) was expected"
+            )
+        return cls(zone_of(tz), None if dates is None else dates == "mdy")
+
+
+UNSAID = Writing()
+
+
 class Moments(NamedTuple):
     """A column of times."""
 
@@ -135,12 +159,12 @@ def _zone_as_letter(match: re.Match[str]) -> str:
     return "" if match[0].startswith("[") else "Z"
 
 
-def of_texts(cells: Sequence[str | None], zone: tzinfo | None, where: str) -> Moments | None:
+def of_texts(cells: Sequence[str | None], written: Writing, where: str) -> Moments | None:
     """Times of texts; None where no cell is a date with a time of day.
 
     Args:
         cells: The texts, None where a cell is empty.
-        zone: Of those that name none; None: UTC.
+        written: How they are written, where they do not show it.
         where: The source and its column, for errors.
 
     Raises:
@@ -153,26 +177,26 @@ def of_texts(cells: Sequence[str | None], zone: tzinfo | None, where: str) -> Mo
         if all(len(cell.strip()) <= len("2026-03-28") for cell in filled):
             return None  # dates without a time of day
         zoneless = any(not _HAS_ZONE.search(cell) for cell in filled)
-        return Moments(iso_seconds(cells, zone), zoneless)
+        return Moments(iso_seconds(cells, written.zone), zoneless)
     found = [_match(cell) for cell in cells]
     if not any(found):
         return None
-    month_first = _month_first(found, where)
+    month_first = _month_first(found, written.month_first, where)
     seconds = np.array([_seconds(m, month_first) if m else np.nan for m in found])
     local = np.array([m is not None and not m["z"] for m in found], bool)
-    seconds[local] = to_utc(seconds[local], zone)
+    seconds[local] = to_utc(seconds[local], written.zone)
     return Moments(plausible(seconds), bool(local.any()))
 
 
 def of_days(
-    dates: Sequence[str | None], clocks: Sequence[str | None], zone: tzinfo | None, where: str
+    dates: Sequence[str | None], clocks: Sequence[str | None], written: Writing, where: str
 ) -> Moments | None:
     """Times of dates and times of day in columns of their own; None where they are none."""
     texts = [
         None if not day or not clock else f"{_dashed(day)} {_coloned(clock)}"
         for day, clock in zip(dates, clocks, strict=True)
     ]
-    return of_texts(texts, zone, where)
+    return of_texts(texts, written, where)
 
 
 def of_clocks(clocks: Sequence[str | None]) -> Array | None:
@@ -283,20 +307,23 @@ def _match(cell: str | None) -> re.Match[str] | None:
     return next((m for layout in _LAYOUTS if (m := layout.match(text))), None)
 
 
-def _month_first(found: Sequence[re.Match[str] | None], where: str) -> bool:
-    """Whether 03/28/2026 names the month first, as its numbers show."""
+def _month_first(found: Sequence[re.Match[str] | None], told: bool | None, where: str) -> bool:
+    """Whether 03/28/2026 names the month first, as the caller says or its numbers show."""
     slashed = [m for m in found if m is not None and "first" in m.re.groupindex]
     if not slashed:
         return False
     first = max(int(m["first"]) for m in slashed)
     second = max(int(m["second"]) for m in slashed)
+    if told is not None:
+        return told
     if max(first, second) > 12 or first == second:
         return second > 12 or first == second
     if len({m["first"] for m in slashed}) != len({m["second"] for m in slashed}):
         return len({m["first"] for m in slashed}) < len({m["second"] for m in slashed})
     raise ReadError(
         f"{where}: dates such as {slashed[0][0].strip()[:30]!r} do not show which number is the "
-        "month; ISO 8601 (2026-03-28T22:30:00Z) was expected; write them so"
+        "month; ISO 8601 (2026-03-28T22:30:00Z) was expected; write them so, or say it by dates= "
+        "(--dates): mdy, or dmy where the day comes first"
     )
 
 

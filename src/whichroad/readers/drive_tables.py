@@ -21,7 +21,7 @@ from .checks import LAST, NO_TIME, Skipped, keep
 from .clock_change import put_apart
 from .coarse_times import spread
 from .csv_text import no_column
-from .dates import taken_as_utc, zone_of
+from .dates import taken_as_utc
 from .drive_columns import Columns, drive_of
 from .gears import reversing
 from .geometries import places_of, unproject
@@ -79,6 +79,7 @@ def drive_from_table(
     id: str | None = None,
     columns: Any = None,
     tz: str | None = None,
+    dates: str | None = None,
     units: Units | None = None,
 ) -> list[Drive]:
     """The drives of a table in memory.
@@ -93,6 +94,7 @@ def drive_from_table(
         id: The column whose values tell drives apart.
         columns: Own names of columns: {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times that name none; None: UTC.
+        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
         units: Of columns that name none, where a table that this is a part of has told them.
 
     Returns:
@@ -101,7 +103,9 @@ def drive_from_table(
     Raises:
         ReadError: It is no table, or holds nothing that locates a drive.
     """
-    reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz, units=units)
+    reading = Reading.of(
+        vehicle, settings, crs=crs, id=id, columns=columns, tz=tz, dates=dates, units=units
+    )
     frames = frames_of(table)
     if is_gpx(table):
         drives = read_gpx(Source("drive", "", table.to_xml().encode()), reading.settings)
@@ -147,7 +151,7 @@ def drives_of(
     units.in_si(columns)
     good = keep(np.abs(columns["time"]) < LAST, NO_TIME, skipped)
     if not good.any():
-        raise ReadError(_no_time(seen, where))
+        raise ReadError(_no_time(seen, where, reading.dates))
     trips = [Trip(t.name, t.rows[good[t.rows]]) for t in trips]
     trips = sorted((t for t in trips if len(t.rows)), key=lambda t: int(t.rows[0]))
     if {"x", "y"} <= columns.keys() and "lat" not in columns:
@@ -200,7 +204,7 @@ def _placed(
     _locate(seen, columns, reading.crs, where)
     _usable(columns, seen, where, reading.crs)
     if "time" in seen.found:
-        read, zone = _times(seen, reading, skipped, where, notes, paths), zone_of(reading.tz)
+        read, zone = _times(seen, reading, skipped, where, notes, paths), reading.written.zone
         with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
             columns["time"] = in_seconds(read, columns, trips, zone, notes)
             local = zone if read.zoneless or read.counted else None
@@ -255,17 +259,17 @@ def _times(
     paths: tuple[str, ...],
 ) -> Times:
     """The times of all rows, and what is to be said of their zone."""
-    column, zone = seen.found["time"], zone_of(reading.tz)
+    column, written = seen.found["time"], reading.written
     day = seen.found.get("date")
     read = times(
-        seen.table.column(column.place), column, where, skipped, zone=zone,
+        seen.table.column(column.place), column, where, skipped, written=written,
         date=None if day is None else seen.table.column(day.place),
     )  # fmt: skip
     if read.zoneless:
         utc = any(word in normal(column.name).split("_") for word in ("utc", "gps", "gmt"))
-        if zone is None and not utc and (paths or "local" in normal(column.name)):
+        if written.zone is None and not utc and (paths or "local" in normal(column.name)):
             notes.append(taken_as_utc(column.name))
-    elif zone is not None and not read.counted:
+    elif written.zone is not None and not read.counted:
         notes.append(f"tz {reading.tz} not used: times in column {column.name!r} name their zone")
     return read
 
@@ -281,7 +285,7 @@ def _invented(
     return invented_times(columns["lat"], columns["lon"], [t.rows for t in trips], notes)
 
 
-def _no_time(seen: Seen, where: str) -> str:
+def _no_time(seen: Seen, where: str, order: str | None) -> str:
     if "time" not in seen.found:  # times were to be invented, for places
         return (
             f"{where}: no row has both a latitude and a longitude that can be understood; "
@@ -289,9 +293,10 @@ def _no_time(seen: Seen, where: str) -> str:
         )
     column = seen.found["time"]
     first = next((c for c in strings(seen.table.column(column.place)) if c), "")
+    said = "" if order is None else f", or dates in the order {order} of dates (--dates)"
     return (
         f"{where}: column {column.name!r} holds no time that can be understood, such as "
-        f"{first[:40]!r}; ISO 8601 (2026-06-01T08:00:00Z, or +02:00) or seconds since 1970 "
+        f"{first[:40]!r}; ISO 8601 (2026-06-01T08:00:00Z, or +02:00) or seconds since 1970{said} "
         "were expected; write it so"
     )
 

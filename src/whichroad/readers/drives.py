@@ -66,6 +66,7 @@ def read_drive(
     id: str | None = None,
     columns: Mapping[str, str | int] | None = None,
     tz: str | None = None,
+    dates: str | None = None,
     skip_unreadable: bool = False,
 ) -> list[Drive]:
     """Read the files of a drive, or of several drives, and put them on one clock.
@@ -88,6 +89,7 @@ def read_drive(
         columns: Own names of columns in tables: {"time": "ts", "speed_kmh": "v"}; of tables
             without a line of names the numbers of columns, from 1.
         tz: Zone of times in tables that name none, such as Europe/Berlin; None: UTC.
+        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
         skip_unreadable: Whether a file that cannot be understood, beside files that are drives
             of their own, becomes a drive without contents, whose note says why.
 
@@ -100,7 +102,7 @@ def read_drive(
     """
     paths = [paths] if is_file(paths) else list(paths)
     vehicle = vehicle_beside(paths) if vehicle is None else vehicle
-    reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz)
+    reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz, dates=dates)
     files, folders, notes, bases = _files(paths, reading.vehicle, dbc, can)
     if not files and not folders and can is None:
         raise ReadError("drive: no file was given; at least one log or table was expected")

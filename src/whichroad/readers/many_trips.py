@@ -5,7 +5,6 @@ A trip of a stream is complete once enough rows of other trips have followed its
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping
-from datetime import tzinfo
 from itertools import pairwise
 from os import PathLike
 from pathlib import Path
@@ -17,7 +16,7 @@ from ..errors import ReadError
 from .arrow_columns import is_zoneless, texts
 from .checks import listed
 from .csv_text import no_column
-from .dates import taken_as_utc
+from .dates import UNSAID, Writing, taken_as_utc
 from .names import NAMES, find, quantity_of
 from .reading import Reading
 from .splitting import split_trips
@@ -58,7 +57,7 @@ class Trip(NamedTuple):
 
 def trip_batches(
     source: Any, drive_id: str = "drive_id", *, split: float | None = None, strict: bool = False,
-    own: Own = _NONE, zone: tzinfo | None = None,
+    own: Own = _NONE, written: Writing = UNSAID,
 ) -> Iterator[TripBatch]:  # fmt: skip
     """Cut a source into whole trips, in the order in which they begin (a stream: end).
 
@@ -71,7 +70,7 @@ def trip_batches(
             into trips called `name/1`, `name/2`, ...
         strict: Refuse a stream in which the name of a complete trip comes again.
         own: Own names of columns, by documented names, and further columns that are kept.
-        zone: Of times that name none, for `split`; None: UTC.
+        written: How times are written, where they do not show it, for `split`.
 
     Raises:
         ReadError: The source is none of these, or has no such column.
@@ -79,7 +78,7 @@ def trip_batches(
 
     def of_stream(batches: Iterable[Any]) -> Iterator[TripBatch]:
         trips = (Trip(*trip) for trip in _whole(batches, drive_id, own))
-        yield from packed(split_each(trips, split, own, zone) if split else trips, strict)
+        yield from packed(split_each(trips, split, own, written) if split else trips, strict)
 
     if isinstance(source, str | PathLike):
         yield from of_stream(_of_path(Path(source), drive_id, own))
@@ -91,7 +90,7 @@ def trip_batches(
         elif split:
             table = of_vehicles(usual_rows(source, drive_id, own), own)
             trips = (Trip(*trip) for trip in cut(table))
-            yield from packed(split_each(trips, split, own, zone), strict)
+            yield from packed(split_each(trips, split, own, written), strict)
         else:
             yield from parts_of(of_vehicles(usual_rows(source, drive_id, own), own))
     elif isinstance(source, Iterable):
@@ -254,14 +253,14 @@ def parts_of(table: "pa.Table") -> Iterator[TripBatch]:
 
 
 def split_each(
-    trips: Iterable[Trip], pause: float, own: Own = _NONE, zone: tzinfo | None = None
+    trips: Iterable[Trip], pause: float, own: Own = _NONE, written: Writing = UNSAID
 ) -> Iterator[Trip]:
     """The trips of each name, numbered from 1; rows without a name stay together."""
     for name, rows, _ in trips:
         if not name:
             yield Trip(name, rows)
             continue
-        ordered, parts = split_trips(rows, pause, own, zone)
+        ordered, parts = split_trips(rows, pause, own, written)
         for number, (low, high, standing) in enumerate(parts, 1):
             yield Trip(f"{name}/{number}", ordered.slice(low, high - low), standing)
 

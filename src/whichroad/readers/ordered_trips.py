@@ -5,13 +5,13 @@ Nothing is sorted or kept beyond the last trip of a batch, which takes a fifth o
 """
 
 from collections.abc import Iterable, Iterator
-from datetime import tzinfo
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import ReadError
 from .arrow_columns import texts
+from .dates import UNSAID, Writing
 from .many_trips import (
     Own,
     Trip,
@@ -33,7 +33,7 @@ _NONE: Own = {}
 
 def ordered_batches(
     batches: Iterable[Any], drive_id: str, *, split: float | None = None, own: Own = _NONE,
-    zone: tzinfo | None = None,
+    written: Writing = UNSAID,
 ) -> Iterator[TripBatch]:  # fmt: skip
     """Cut a stream into whole trips.
 
@@ -42,7 +42,7 @@ def ordered_batches(
         drive_id: The column that names the trip; "drive_id" also finds its usual aliases.
         split: As of `many_trips.trip_batches`.
         own: Likewise.
-        zone: Likewise.
+        written: Likewise.
 
     Raises:
         ReadError: A trip comes again after others, or there is no such column.
@@ -50,7 +50,7 @@ def ordered_batches(
     tables = (of_vehicles(table, own) for table in _whole_tables(batches, drive_id, own))
     if split:
         trips = (Trip(*trip) for table in tables for trip in cut(table))
-        yield from packed(split_each(trips, split, own, zone), True)
+        yield from packed(split_each(trips, split, own, written), True)
         return
     seen: set[int] = set()
     for table in tables:

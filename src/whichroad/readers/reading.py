@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ..settings import Settings, Vehicle
+from .dates import Writing
 from .names import SENSED, quantity_of
 
 if TYPE_CHECKING:
@@ -22,6 +23,12 @@ class Reading:
     columns: Mapping[str, str | int] = field(default_factory=dict)  # documented name -> own column
     tz: str | None = None  # zone of times that name none, such as Europe/Berlin
     units: "Units | None" = None  # of columns that name none; None: the values tell
+    dates: str | None = None  # mdy or dmy: what comes first in dates such as 06/01/2026
+
+    @property
+    def written(self) -> Writing:
+        """How times are written."""
+        return Writing.of(self.tz, self.dates)
 
     @classmethod
     def of(

@@ -17,7 +17,7 @@ from ..settings import Settings
 from .arrow_columns import numbers, times
 from .checks import LAST, Bools, Ints, Skipped
 from .clock_change import clock_back
-from .dates import tick_of
+from .dates import Writing, tick_of
 from .drive_columns import Columns, reported
 from .names import Column, find, normal
 from .reported_fixes import completed, is_place
@@ -142,7 +142,11 @@ def _in_one_unit(table: "pa.Table", meaning: Column, zone: tzinfo | None) -> Arr
     local = pa.types.is_timestamp(column.type) and column.type.tz is None
     if local:
         unsaid = zone is None and "local" in normal(meaning.name)
-        return None if unsaid else times(column, meaning, "table", Counter(), zone=zone).seconds
+        return (
+            None
+            if unsaid
+            else times(column, meaning, "table", Counter(), written=Writing(zone)).seconds
+        )
     if zone is not None:
         return None
     if meaning.factor or pa.types.is_timestamp(column.type):

@@ -7,7 +7,6 @@ are the same whatever engine brought the rows together.
 import re
 from collections import Counter
 from collections.abc import Mapping
-from datetime import tzinfo
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,6 +19,7 @@ from ..observations import Array
 from .arrow_columns import numbers, times
 from .checks import Ints
 from .clock_change import clock_back, put_rows_apart
+from .dates import UNSAID, Writing
 from .names import Column, find
 from .reported_fixes import is_place
 from .units_by_places import distances, reachable
@@ -66,7 +66,7 @@ def seconds_of(text: str | float | None) -> float | None:
 
 def split_trips(
     table: "pa.Table", pause: float, own: Mapping[str, str | int] | None = None,
-    zone: tzinfo | None = None,
+    written: Writing = UNSAID,
 ) -> "tuple[pa.Table, list[Part]]":  # fmt: skip
     """The rows of one vehicle in the order of time, and the trips among them.
 
@@ -77,12 +77,12 @@ def split_trips(
         table: All rows of a vehicle, with times; rows without a readable time come last.
         pause: s.
         own: Own names of columns, as `names.find` takes them.
-        zone: Of times that name none; None: UTC.
+        written: How times are written, where they do not show it.
 
     Returns:
         The table in order, and its trips; at least one where there are rows.
     """
-    table, time = in_time_order(table, own, zone)
+    table, time = in_time_order(table, own, written)
     found = find(table.column_names, own)
     lat, lon = (degrees_of(table, found.get(name)) for name in ("lat", "lon"))
     rows = np.flatnonzero(np.isfinite(time) & is_place(lat, lon))
@@ -92,12 +92,12 @@ def split_trips(
 
 
 def in_time_order(
-    table: "pa.Table", own: Mapping[str, str | int] | None = None, zone: tzinfo | None = None
+    table: "pa.Table", own: Mapping[str, str | int] | None = None, written: Writing = UNSAID
 ) -> "tuple[pa.Table, Array]":
     """The rows of a vehicle in the order of time, and their times, s.
 
     Rows without a readable time come last, their time is infinite. `own` names columns, as
-    `names.find` takes them; `zone` is that of times that name none, None: UTC.
+    `names.find` takes them; `written` tells how times are, where they do not show it.
     """
     found = find(table.column_names, own)
     unknown = np.full(table.num_rows, np.inf)
@@ -106,9 +106,9 @@ def in_time_order(
     meaning = found["time"]
     try:
         column = table.column(meaning.place)
-        read = times(column, meaning, "table", Counter(), zone=zone)
+        read = times(column, meaning, "table", Counter(), written=written)
         time = read.seconds
-        back = clock_back(time, zone) if read.zoneless else None
+        back = clock_back(time, written.zone) if read.zoneless else None
         if back is not None:
             put_rows_apart(time, np.arange(len(time)), back)
     except Exception:  # the reader of the trip will say what its times are
