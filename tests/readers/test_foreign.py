@@ -1,9 +1,11 @@
 """Files of other programs: what is read of them, and what is said of those that are not."""
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from whichroad.errors import ReadError
-from whichroad.readers import read_drive
+from whichroad.readers import drive_from_table, read_drive
 
 T0 = 1_780_315_200.0  # 2026-06-01 12:00 UTC
 
@@ -34,6 +36,36 @@ def test_commas_are_decimal_where_they_do_not_part_columns(put, delimiter):
     assert fixes.lat_deg.tolist() == [49.40, 49.41, 49.42]
     assert fixes.lon_deg.tolist() == [8.7] * 3
     assert fixes.speed[1:] == pytest.approx(36.5 / 3.6)
+
+
+def test_commas_are_decimal_in_a_frame_too():
+    frame = pd.DataFrame({"time": T0 + np.arange(3), "lat": ["49,41", "49,42", None]})
+    frame["lon"], frame["hdop"] = ["8,7", "8,701", ""], "0,9"
+    (drive,) = drive_from_table(frame)
+    assert drive.fixes.lat_deg.tolist() == [49.41, 49.42]
+    assert drive.fixes.lon_deg.tolist() == [8.7, 8.701]
+    assert drive.fixes.cov_ee == pytest.approx((0.9 * 4.0) ** 2)
+
+
+def test_commas_of_thousands_are_not_decimal():
+    frame = pd.DataFrame({"time": T0 + np.arange(3), "lat": 49.4, "lon": 8.7})
+    (drive,) = drive_from_table(frame.assign(odometer_m=["12,345", "12,355", "12,365"]))
+    assert drive.odometry is None
+    assert drive.skipped["unparsable number in odometer_m"] == 3
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "what"),
+    [
+        ("49.4957N", "8.6577E", "write them so"),
+        (4929.742, 839.461, "write them so"),
+        (494957064, 86576808, "--columns lat_e7="),
+    ],
+)
+def test_places_that_are_no_degrees_are_shown(lat, lon, what):
+    frame = pd.DataFrame({"time": T0 + np.arange(3), "lat": lat, "lon": lon})
+    with pytest.raises(ReadError, match=f"for example '{lat}' and '{lon}'; .*{what}"):
+        drive_from_table(frame)
 
 
 def test_points_and_commas_in_one_column_are_not_guessed_at(put):

@@ -180,8 +180,9 @@ class Job(NamedTuple):
     def reading(self) -> Reading:
         """How tables of its trips are to be read."""
         return Reading.of(
-            self.vehicle, self.settings, crs=self.crs, columns=self.own_columns(), tz=self.tz
-        )
+            self.vehicle, self.settings, crs=self.crs, columns=self.own_columns(), tz=self.tz,
+            dates=self.dates,
+        )  # fmt: skip
 
     def own_columns(self) -> dict[str, str | int]:
         """Own names of columns, and the columns that the sensors read by the alias they need."""

@@ -268,9 +268,13 @@ def _column_units(task: Task, units: list[Unit]) -> KnownUnits:
     first = next(batches_of(units[0], task.trip_id, own), None)
     if first is None or not open_columns(find(first.schema.names, own)):
         return {}
-    reading = Reading.of(task.vehicle, task.settings, crs=task.crs, columns=own, tz=task.tz)
+    reading = Reading.of(
+        task.vehicle, task.settings, crs=task.crs, columns=own, tz=task.tz, dates=task.dates
+    )
     rows = (batch for unit in units for batch in batches_of(unit, task.trip_id, own))
-    trips = ordered_batches(rows, task.trip_id, split=task.split, own=own, zone=zone_of(task.tz))
+    trips = ordered_batches(
+        rows, task.trip_id, split=task.split, own=own, written=reading.written
+    )
     return first_units(trips, reading)
 
 

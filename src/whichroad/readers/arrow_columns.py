@@ -1,8 +1,9 @@
 """Columns of an Arrow table as NumPy arrays: numbers, times, labels."""
 
 import math
+import re
 from collections import Counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 _NUMBER = "unparsable number"
 _TIME = "unparsable time"
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+_DECIMAL = re.compile(r"\s*[-+]?\d+,\d+\s*$")
+_GROUPED = re.compile(r"\s*[-+]?[1-9]\d{0,2},\d{3}\s*$")  # as thousands are, such as 12,345
 _ABSENT = ("", "-", "--", "null", "none", "nan", "na", "n/a")  # what stands in empty cells
 
 
@@ -82,9 +85,19 @@ def _parsed(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
     """Numbers out of text."""
     cells = [c.decode("utf-8", "replace") if type(c) is bytes else c for c in column.to_pylist()]
     empty = np.array([_is_absent(cell) for cell in cells], bool)
-    values = np.array([_number(cell) for cell in cells], np.float64)
+    values = np.array([_number(cell) for cell in _with_points(cells)], np.float64)
     keep(~np.isnan(values) | empty, f"{_NUMBER} in {name}", skipped)
     return values
+
+
+def _with_points(cells: list[Any]) -> list[Any]:
+    """Cells whose commas are surely decimal ones, and not of thousands, with points."""
+    texts = [cell for cell in cells if isinstance(cell, str)]
+    with_comma = [cell for cell in texts if "," in cell and _DECIMAL.match(cell)]
+    if all(map(_GROUPED.match, with_comma)) or any("." in cell for cell in texts):
+        return cells
+    commas = set(with_comma)
+    return [cell.replace(",", ".") if cell in commas else cell for cell in cells]
 
 
 def _number(cell: object) -> float:

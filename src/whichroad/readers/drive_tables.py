@@ -29,6 +29,7 @@ from .gpx import read_gpx
 from .names import SENSED, Seen, normal
 from .odometry_fit import with_fit_notes
 from .reading import Reading
+from .reported_fixes import is_place
 from .source import Source
 from .table_drives import Trip, trips_of
 from .table_files import table_of
@@ -40,6 +41,7 @@ _WHEELS = frozenset(("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks")
 _MOTION = _WHEELS | {"yaw_rate", "odometer"}
 _NO_VALUES = ("time", "date", "gear", "drive_id", "vehicle_id", "row_id", "geometry",
               "north_south", "east_west")  # fmt: skip
+_IN_1E7 = "where they are in 1e-7 degrees, give them by --columns lat_e7=...,lon_e7=... (columns=)"
 _NO_TIMES = frozenset(
     (
         *("", "index", "unnamed_0", "id", "fid", "n", "no", "nr", "number", "seq", "order"),
@@ -203,6 +205,7 @@ def _placed(
         )
     _locate(seen, columns, reading.crs, where)
     _usable(columns, seen, where, reading.crs)
+    _check_places(columns, seen, where)
     if "time" in seen.found:
         read, zone = _times(seen, reading, skipped, where, notes, paths), reading.written.zone
         with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
@@ -309,6 +312,28 @@ def _locate(seen: Seen, columns: Columns, crs: Any, where: str) -> None:
         columns["lon"], columns["lat"] = places_of(seen.table, seen.found["geometry"], crs, where)
     elif crs is not None and {"x", "y"} <= columns.keys():
         columns["lon"], columns["lat"] = unproject(columns["x"], columns["y"], crs, where)
+
+
+def _check_places(columns: Columns, seen: Seen, where: str) -> None:
+    """Raise where no place of a table can be understood, and nothing else is in it."""
+    if not {"lat", "lon"} <= columns.keys() & seen.found.keys():
+        return
+    others = [q for q in columns if q in _MOTION or q == "speed" or q.startswith(SENSED)]
+    lat, lon = columns["lat"], columns["lon"]
+    if is_place(lat, lon).any() or any(np.isfinite(columns[q]).any() for q in others):
+        return
+    cells = [strings(seen.table.column(seen.found[q].place)) for q in ("lat", "lon")]
+    told = zip(*cells, ~((lat == 0.0) & (lon == 0.0)), strict=True)  # zeros stand for no fix
+    first = next(((a, b) for a, b, other in told if a and b and other), None)
+    if first is None:
+        return
+    whole = np.abs(lat[np.isfinite(lat)])
+    in_1e7 = len(whole) > 0 and float(whole.max()) > 1e6
+    raise ReadError(
+        f"{where}: no row has both a latitude and a longitude that can be understood, for example "
+        f"{first[0][:40]!r} and {first[1][:40]!r}; degrees, such as 49.4093 and 8.6937, were "
+        f"expected; {_IN_1E7 if in_1e7 else 'write them so'}"
+    )
 
 
 def _usable(columns: Columns, seen: Seen, where: str, crs: Any) -> None:
