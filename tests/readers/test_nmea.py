@@ -159,6 +159,13 @@ def test_without_a_gst_or_with_zeros_hdop_decides_and_is_flagged(nmea, read, gst
     assert fixes.flags[0] == FROM_HDOP
 
 
+@pytest.mark.parametrize("hdop", ["99.99", "99.9", "99.0"])
+def test_a_hdop_that_stands_for_unknown_is_none(nmea, read, hdop):
+    drive = read(nmea.burst(gst=None, hdop=hdop))
+    assert drive.fixes.flags.tolist() == [ASSUMED]
+    assert drive.skipped == {"HDOP of 99, 99.9 or 99.99 (taken as unknown)": 1}
+
+
 def test_without_gst_and_hdop_the_default_is_taken_and_flagged(nmea, read):
     fixes = read(nmea.burst(gst=None, hdop="")).fixes
     assert fixes.cov_ee[0] == Settings().default_sigma_m ** 2

@@ -219,6 +219,24 @@ def test_an_accuracy_that_is_none_leaves_the_word_to_the_hdop():
     assert drive.fixes.flags.tolist() == [0, FROM_HDOP, 0, FROM_HDOP, 0]
 
 
+@pytest.mark.parametrize("unknown", [99.0, 99.9, 99.99, np.float32(99.99)])
+def test_a_hdop_that_stands_for_unknown_is_counted_and_not_used(unknown, sound):
+    table = {"time": T0 + np.arange(2), "lat": 49.4, "lon": 8.7, "hdop": [1.5, unknown]}
+    (drive,) = drive_from_table(pd.DataFrame(table).astype({"hdop": np.asarray(unknown).dtype}))
+    sound(drive)
+    assert drive.skipped == {"HDOP of 99, 99.9 or 99.99 (taken as unknown)": 1}
+    assert drive.fixes.flags.tolist() == [FROM_HDOP, ASSUMED]
+    assert drive.fixes.cov_ee == pytest.approx([6.0**2, 5.0**2])
+
+
+def test_a_large_hdop_is_believed_and_one_beside_a_covariance_is_not_looked_at():
+    table = {"time": T0 + np.arange(2), "lat": 49.4, "lon": 8.7, "hdop": [50.0, 99.99],
+             "sigma_m": [np.nan, 2.0]}  # fmt: skip
+    (drive,) = drive_from_table(pd.DataFrame(table))
+    assert not drive.skipped
+    assert drive.fixes.cov_ee == pytest.approx([200.0**2, 2.0**2])
+
+
 def test_minus_one_is_what_phones_write_for_no_speed_and_no_course(sound):
     drive = one(table(speed=[-1.0, 10.0, 10.0, 10.0, 10.0], course=[-1.0, 90, -1.0, -1.5, 359.0]))
     sound(drive)

@@ -20,7 +20,7 @@ from .clock_change import clock_back
 from .dates import Writing, tick_of
 from .drive_columns import Columns, reported
 from .names import Column, find, normal
-from .reported_fixes import completed, is_place
+from .reported_fixes import completed, is_place, says_no_hdop
 from .table_units import Units
 from .units_by_places import TOO_FAST, distances, reachable
 
@@ -86,6 +86,8 @@ def batched_fixes(
     back = clock_back(time, zone)
     if back is not None:  # the order of rows tells which of two equal hours is meant
         good &= back == 0.0
+    if "hdop" in columns:
+        good &= ~says_no_hdop(columns["hdop"])
     step = np.diff(time, prepend=-np.inf)
     later = step > 0.0
     later[first] = True

@@ -21,7 +21,10 @@ MOVING = 1.0  # m/s, below it a course over ground means nothing
 # two digits moves the ratio by up to a quarter.
 CREDIBLE = ((0.75, 1.33), (4.5, 8.0))
 RADIUS_68 = 1.515  # 68 % radius over the sigma per axis, for a round error
+_UNKNOWN_HDOP = (99.0, 99.9, 99.99)  # u-blox writes 99.99, others less digits
+_ROUNDED = 1e-4  # of numbers in single precision
 IMPOSSIBLE = "impossible position"
+NO_HDOP = "HDOP of 99, 99.9 or 99.99 (taken as unknown)"
 NO_SPEED = "negative receiver speed (ignored)"
 NO_COURSE = "course of -1 (ignored)"
 NOT_A_COVARIANCE = "covariance not positive definite (settings' default used)"
@@ -158,12 +161,19 @@ def _covariance(
         good = (ee > 0) & (nn > 0) & (ee * nn > en * en) & np.isfinite(ee * nn)
     keep(good | ~given, NOT_A_COVARIANCE, skipped)
     by_hdop = ~given & (hdop > 0) & np.isfinite(hdop)
+    by_hdop &= keep(~(by_hdop & says_no_hdop(hdop)), NO_HDOP, skipped)
     sigma = np.where(by_hdop, hdop * settings.user_range_error_m, settings.default_sigma_m)
     flags = np.where(good, 0, np.where(by_hdop, FROM_HDOP, ASSUMED)).astype(np.uint8)
     if r.no_correlation is not None:
         flags |= np.where(good & r.no_correlation, NO_CORRELATION, 0).astype(np.uint8)
     ee, nn = np.where(good, ee, sigma**2), np.where(good, nn, sigma**2)
     return ee, np.where(good, en, 0.0), nn, flags
+
+
+def says_no_hdop(hdop: Array) -> Bools:
+    """Whether a HDOP, (n,), is one that receivers write where they know none."""
+    same = [np.abs(hdop - unknown) < _ROUNDED for unknown in _UNKNOWN_HDOP]
+    return np.asarray(np.logical_or.reduce(same))
 
 
 def _without(
