@@ -26,6 +26,34 @@ def test_a_source_column_that_is_not_there_is_named(put, head):
         read_drive(file, columns={"tmie": ts} | whole)
 
 
+@pytest.mark.parametrize(
+    ("head", "meant"),
+    [
+        ("GPS Timestamp,Pos. Lat,Pos. Lon", 'time="GPS Timestamp",lat="Pos. Lat",lon="Pos. Lon"'),
+        ("Zeit,Breite,Länge", "time=Zeit,lat=Breite,lon=Länge"),
+        ("Datum,Breite,Laenge", "time=Datum,lat=Breite,lon=Laenge"),
+        ("time,Lattitude,Longitute", "lat=Lattitude,lon=Longitute"),
+    ],
+)
+def test_columns_that_are_likely_meant_are_offered_as_the_option_takes_them(put, head, meant):
+    file = put("own.csv", f"{head}\n{ROWS}")
+    with pytest.raises(ReadError) as refused:
+        read_drive(file)
+    assert f"did you mean `whichroad match --columns {meant}` (columns=)?" in str(refused.value)
+    own = dict(pair.split("=") for pair in meant.replace('"', "").split(","))
+    assert len(read_drive(file, columns=own)[0].fixes) == 9
+
+
+@pytest.mark.parametrize(
+    "head", ["when,lat,lon", "Start Time,End Time,lat,lon", "time,lat_error,long_name,x"]
+)
+def test_columns_that_may_mean_something_else_are_not_offered(put, head):
+    row = "2026-06-01T08:00:00Z" + ",1" * head.count(",")
+    with pytest.raises(ReadError, match="rename the columns") as refused:
+        read_drive(put("own.csv", f"{head}\n{row}\n"))
+    assert "did you mean" not in str(refused.value)
+
+
 def test_a_table_without_names_is_recognised_and_read_by_numbers(put):
     file = put("bare.csv", ROWS)
     said = r"bare.csv: the first line holds values \(2026-.*--columns time=1,lat=2,lon=3"

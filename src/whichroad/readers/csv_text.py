@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ..errors import ReadError
 from .checks import Skipped, listed
 from .dates import UNSAID, is_clock, of_texts
+from .likely_names import as_option, likely_columns
 from .names import NAMES, Column, NoSuchColumn, Seen, find, with_unit
 from .reading import Reading
 
@@ -60,10 +61,13 @@ def layout_of(head: bytes, reading: Reading | None = None) -> Layout | None:
         text = line.decode("utf-8", "replace").strip("\r\n")
         if not text.strip():
             continue
+        parted = False  # by something else than blanks, which are within names too
         for delimiter in _DELIMITERS:
             names = _cells(re.sub(r"^\s*[#%]\s*", "", text), delimiter)
+            if delimiter == _BLANKS and parted:
+                break
+            parted |= len(names) > 2
             known = _known(names, own)
-            # blanks are within names too, so they part columns only where nothing else does
             if known > most + (1 if delimiter == _BLANKS and most else 0):
                 best, most = Layout(delimiter, names, begin), known
         if most > 1 or (most and number == 0 and not own):
@@ -279,8 +283,14 @@ def _without_names(where: str, first: list[str]) -> str:
 def no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...]) -> str:
     """The message about a table that lacks something, with what it has and what would do."""
     accepted = "; ".join(f"{q}: {', '.join(list(NAMES[q])[:8])}" for q in quantities)
+    likely = likely_columns(seen)
+    what_to_do = (
+        f"did you mean `whichroad match --columns {as_option(likely)}` (columns=)?"
+        if likely.keys() & set(quantities)
+        else "rename the columns, or name your own by `whichroad match --columns "
+        "time=...,lat=...` (columns=)"
+    )  # fmt: skip
     return (
         f"{where}: {what} among the columns ({listed(seen)}); accepted names are {accepted}; "
-        "rename the columns, or name your own by `whichroad match --columns time=...,lat=...` "
-        "(columns=)"
+        f"{what_to_do}"
     )
