@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import stdtrit
 
 from whichroad import DriveError, Vehicle, calibrate, cli, read_vehicle, simulate_drive
+from whichroad.calibration.by_statistics import student_t
 from whichroad.epochs import build_timeline
 from whichroad.observations import SpeedYawRate, WheelSpeeds
 from whichroad.settings import to_toml
@@ -114,3 +116,8 @@ def test_the_command_writes_a_car(town, long, tmp_path, monkeypatch, capsys):
         assert stop.value.code == code
         assert text in said.out + said.err
     assert read_vehicle(tmp_path / "car.toml") == read_vehicle(folder / "vehicle.toml")
+
+
+def test_the_quantile_of_student_s_t_is_scipy_s():
+    for freedom in (1, 2, 3, 4, 9, 30, 99):
+        assert student_t(freedom) == pytest.approx(stdtrit(freedom, 0.975), rel=1e-12)

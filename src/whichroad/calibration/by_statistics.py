@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.special import stdtrit
 
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..errors import DriveError
@@ -105,7 +104,7 @@ def settle(
         values |= {name: now[name] for name in names}
         if all(abs(step[name]) <= _LITTLE * sigma[name] for name in names):
             break
-    wide = float(stdtrit(max(len(chosen) - 1, 1), 0.975))
+    wide = student_t(max(len(chosen) - 1, 1))
     half = {
         name: math.hypot(wide * sigma[name] / answered[name], _BOTH * METHOD[name])
         for name in names
@@ -141,6 +140,32 @@ def _spread(values: Sequence[float]) -> float:
     """Standard error by leaving one out; infinite of a single drive."""
     n = len(values)
     return math.sqrt((n - 1) * float(np.var(values))) if n > 1 else math.inf
+
+
+def student_t(freedom: int, p: float = 0.95) -> float:
+    """What |t| stays below with probability p; the whole degrees of freedom make it a finite sum.
+
+    Abramowitz and Stegun, 26.7.3 and 26.7.4, in the angle atan(t / sqrt(freedom)).
+    """
+    below, above = 0.0, 0.5 * math.pi
+    while True:
+        angle = 0.5 * (below + above)
+        if not below < angle < above:
+            return math.sqrt(freedom) * math.tan(angle)
+        if _within(angle, freedom) < p:
+            below = angle
+        else:
+            above = angle
+
+
+def _within(angle: float, freedom: int) -> float:
+    odd = freedom % 2
+    term, total = (math.cos(angle) if odd else 1.0), 0.0
+    for k in range(2 + odd, freedom + 1, 2):
+        total += term
+        term *= math.cos(angle) ** 2 * (k - 1) / k
+    total *= math.sin(angle)
+    return 2.0 / math.pi * (angle + total) if odd else total
 
 
 def _noise(answers: Sequence[Answer], wide: float) -> tuple[Values, Values]:
