@@ -6,8 +6,10 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parents[1]
+NOT_IN_ALL = {"jit", "ros", "openlr", "mf4", "spark", "compass"}
 NOT_FOR_RUNNING = {"dev", "docs", "tools", "worlds"}
 MODULES = {  # of requirements that bring others than the one of their own name
     "geopandas": {"geopandas", "pandas", "pyogrio"}, "pyserial": {"serial"},
@@ -38,7 +40,7 @@ def test_a_command_names_the_extra_that_it_lacks(tmp_path):
 
 
 def test_what_a_module_imports_comes_with_the_package_or_an_extra_for_running():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    project = project_table()
     extras = project["optional-dependencies"]
     told = [one for name in extras.keys() - NOT_FOR_RUNNING for one in extras[name]]
     names = {re.split(r"[^\w.-]", one)[0] for one in project["dependencies"] + told}
@@ -50,6 +52,16 @@ def test_what_a_module_imports_comes_with_the_package_or_an_extra_for_running():
         for module in imported(path) - known
     }
     assert strangers == set()
+
+
+def test_all_holds_the_extras_that_the_readme_uses():
+    extras = project_table()["optional-dependencies"]
+    used = extras.keys() - NOT_FOR_RUNNING - NOT_IN_ALL - {"all"}
+    assert set(extras["all"]) == {f"whichroad[{name}]" for name in used}
+
+
+def project_table() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
 
 def imported(path: Path) -> set[str]:

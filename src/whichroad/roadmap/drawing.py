@@ -1,11 +1,10 @@
 """A map's streets for drawings: each once, the important ones first."""
 
-import importlib.util
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from ..errors import SettingError
+from ..errors import comes_with
 from ..observations import Array
 from ..svg import Frame, Strokes, figure
 from .osm import SUFFIXES
@@ -145,12 +144,10 @@ def check_folium() -> None:
     Raises:
         SettingError: A package is not installed.
     """
-    for package in ("folium", "matplotlib", "mapclassify"):
-        if importlib.util.find_spec(package) is None:
-            raise SettingError(
-                f"explore: the package {package} is missing; it is needed for a page "
-                "with tiles; pip install folium mapclassify"
-            )
+    with comes_with("explore", "explore"):
+        import folium  # noqa: F401
+        import mapclassify  # noqa: F401
+        import matplotlib  # noqa: F401
 
 
 def _usual_speeds(roads: "RoadMap", edges: Ints) -> Array:

@@ -353,7 +353,7 @@ class RoadMap(EdgeGeometry):
             A `folium.Map`, whose page loads scripts and tiles from the net.
 
         Raises:
-            SettingError: The package folium is not installed.
+            SettingError: A package of the extra `explore` is not installed.
         """
         from .drawing import explore_map
 

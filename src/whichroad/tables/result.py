@@ -122,7 +122,7 @@ class Result:
             `whichroad report` and `replay` make pages that do not.
 
         Raises:
-            SettingError: The package folium is not installed.
+            SettingError: A package of the extra `explore` is not installed.
         """
         from .drawing import explore_answer
 
