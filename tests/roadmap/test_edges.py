@@ -264,6 +264,58 @@ def test_a_one_way_word_that_nobody_knows_is_counted(line):
     assert skipped == {"one-way words that were not understood (taken as two-way)": 1}
 
 
+TAGS = [
+    '"oneway"=>"-1","maxspeed"=>"30 mph","note"=>"a \\"b\\", c"',
+    None,
+    '"motor_vehicle"=>"no", "access"=>"yes","lit"=>NULL',
+    '"junction"=>"roundabout","lanes"=>"2"',
+]
+
+
+@pytest.mark.parametrize("suffix", ["geojson", "gpkg", "shp"])
+def test_tags_in_one_column_are_read_as_those_of_openstreetmap(line, tmp_path, suffix):
+    lines = [line((0, 60 * k), (100, 60 * k)) for k in range(4)]
+    table = geopandas.GeoDataFrame(
+        {"osm_id": list("abcd"), "highway": [*3 * ["primary"], "motorway"], "other_tags": TAGS},
+        geometry=lines, crs="EPSG:4326",
+    )  # fmt: skip
+    table.to_file(tmp_path / f"roads.{suffix}")
+    roads = RoadMap.from_edges(tmp_path / f"roads.{suffix}")
+    assert roads.info()["skipped"] == {}
+    assert (rule(roads, "a", True), rule(roads, "a", False)) == (AGAINST_ONE_WAY, 0)
+    assert (rule(roads, "b", True), rule(roads, "b", False)) == (0, 0)
+    assert (rule(roads, "c", True), rule(roads, "c", False)) == (NO_ACCESS, NO_ACCESS)
+    assert (rule(roads, "d", True), rule(roads, "d", False)) == (0, AGAINST_ONE_WAY)
+    [ring] = [e for e in range(len(roads)) if roads.source(e, 1.0) == ("d", True)]
+    assert roads.attributes(ring)["roundabout"]
+    assert roads.attributes(ring)["lanes"] == 2
+    limits = {roads.source(e, 1.0)[0]: roads.attributes(e)["speed_limit_kmh"] for e in range(8)}
+    assert limits == {"a": pytest.approx(48.28, abs=0.01), "b": None, "c": None, "d": None}
+
+
+def test_columns_of_their_own_win_over_a_column_of_tags(line):
+    table = pandas.DataFrame({
+        "wkt": [line((0, 0), (100, 0)).wkt], "id": [7], "oneway": ["no"], "speed_limit": [50],
+        "tags": [json.dumps({"oneway": "yes", "maxspeed": "30", "layer": 1})],
+    })  # fmt: skip
+    roads = RoadMap.from_edges(table)
+    assert rule(roads, 7, False) == 0
+    assert roads.attributes(0)["speed_limit_kmh"] == 50.0
+    assert roads.attributes(0)["layer"] == 1
+
+
+def test_tags_that_are_cut_short_and_a_table_without_one_ways_are_counted(line):
+    lines = [line((0, 0), (100, 0)).wkt, line((0, 60), (100, 60)).wkt]
+    table = pandas.DataFrame({"wkt": lines, "other_tags": ['"lanes"=>"2","onew', '{"lanes"']})
+    roads = RoadMap.from_edges(table)
+    assert roads.info()["skipped"]["tags that were cut short or not understood"] == 2
+    assert roads.attributes(0)["lanes"] == 2
+    two_way = "roads without one-way information, as the table has none (taken as two-way)"
+    untold = RoadMap.from_edges(table[["wkt"]])
+    assert untold.info()["skipped"] == {two_way: 2}  # and nobody said so
+    assert RoadMap.from_edges(table[["wkt"]], directed=False).info()["skipped"] == {}
+
+
 def test_an_absurd_cost_closes_a_direction(line):
     lines = [line((0, 0), (100, 0)), line((100, 0), (200, 90)), line((200, 90), (300, 0))]
     table = geopandas.GeoDataFrame(
@@ -318,7 +370,7 @@ def test_broken_wkt_and_rows_without_nodes_are_counted(line):
             "to": [2, 2, 2, 2],
         }
     )
-    roads = RoadMap.from_edges(table)
+    roads = RoadMap.from_edges(table, directed=False)
     assert len(roads) == 2
     assert roads.node_ids([0, 1]) == [1, 2]
     assert roads.info()["skipped"] == {
@@ -334,7 +386,7 @@ def test_parts_of_a_multi_line_are_joined_where_they_touch(line):
     table = geopandas.GeoDataFrame({"id": [1, 2]}, geometry=[whole, apart], crs=4326)
     assert len(RoadMap.from_edges(table)) == 6
     named = table.assign(**{"from": [1, 3], "to": [2, 4]})
-    roads = RoadMap.from_edges(named)
+    roads = RoadMap.from_edges(named, directed=False)
     assert len(roads) == 2
     assert roads.info()["skipped"] == {"rows of several separate lines, with from and to": 1}
 
@@ -342,7 +394,7 @@ def test_parts_of_a_multi_line_are_joined_where_they_touch(line):
 def test_footways_are_not_for_cars(line):
     lines = [line((0, 0), (100, 0)), line((0, 0), (0, 100))]
     table = geopandas.GeoDataFrame({"fclass": ["tertiary", "footway"]}, geometry=lines, crs=4326)
-    roads = RoadMap.from_edges(table)
+    roads = RoadMap.from_edges(table, directed=False)
     assert roads.column("highway") == ["tertiary", "tertiary"]
     assert roads.info()["skipped"] == {"rows of classes not for cars": 1}
 

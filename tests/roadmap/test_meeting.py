@@ -30,7 +30,9 @@ def test_an_end_on_a_vertex_of_another_line_is_a_junction(line, check):
 def test_an_end_on_another_line_is_a_junction(line, check, gap, edges, turned):
     side = [(70, gap), (70, 100)]
     lines = [line((0, 0), (200, 0)), line(*(side[::-1] if turned else side))]
-    roads = RoadMap.from_edges(geopandas.GeoDataFrame({"id": [1, 2]}, geometry=lines, crs=4326))
+    roads = RoadMap.from_edges(
+        geopandas.GeoDataFrame({"id": [1, 2]}, geometry=lines, crs=4326), directed=False
+    )
     check(roads)
     assert len(roads) == edges
     assert "skipped" not in roads.info() or not roads.info()["skipped"]
@@ -51,7 +53,7 @@ def test_several_ends_in_one_place_on_another_line_are_one_junction(line, check)
         line((150, 0), (150, 60)),
         line((50, 50), (30, 0)),
     ]
-    roads = RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326))
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame(geometry=lines, crs=4326), directed=False)
     check(roads)
     assert roads.info()["nodes"] == 9
     assert len(roads) == 2 * (4 + 4)
@@ -109,7 +111,7 @@ def test_a_line_that_ends_beside_its_named_node_is_drawn_on_to_it(line, check):
     table = geopandas.GeoDataFrame(
         {"id": [1, 2, 3], "from": [1, 2, 2], "to": [2, 3, 4]}, geometry=lines, crs=4326
     )
-    roads = RoadMap.from_edges(table)
+    roads = RoadMap.from_edges(table, directed=False)
     check(roads)
     assert len(roads) == 6
     assert roads.info()["skipped"] == {"ends drawn on to their node": 1}

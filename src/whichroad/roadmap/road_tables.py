@@ -17,6 +17,8 @@ from .link import Links, link, middle_plane
 from .open_table import open_sheet
 from .sheet import Sheet, plain
 from .streets import Column, Streets, Texts, take
+from .tag_column import NAMES as TAGS
+from .tag_column import Tags, tags_in
 from .values import T, as_number, as_word, best, each, first, parts_of
 
 # accepted column names by meaning; the first that is there wins; case does not matter
@@ -38,6 +40,8 @@ NAMES = {
     "junction": ("junction", "roundabout"),
     "access": ("access",),
 }
+_TAGGED = ("oneway", "access", "speed_limit_kmh", "name", "highway", "lanes", "width", "layer",
+           "bridge", "tunnel", "junction")  # what a column of tags may hold  # fmt: skip
 _DIRECTED_SHARE = 0.1  # share of rows with an opposite row, from which on rows are directions
 # osm2po's numbers for the classes of OpenStreetMap
 _NUMBERED = {
@@ -88,9 +92,9 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
 
 def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, Counter[str]]:
     """`read_edges` of an open table; gives the streets, and what was left out."""
-    sheet = _known(sheet)
-    directed = sheet.directed if directed is None else directed
     skipped: Counter[str] = Counter()
+    sheet = _known(_with_tags(sheet, skipped))
+    directed = sheet.directed if directed is None else directed
     lines = read_lines(sheet, crs, skipped)
     lines = _for_cars(sheet, lines, skipped)
     origin, target = _find(sheet, "from"), _find(sheet, "to")
@@ -102,10 +106,39 @@ def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
         twins = (links.leader != np.arange(len(rows))).sum()
         if directed is None:
             directed = bool(2 * twins >= _DIRECTED_SHARE * len(rows)) and len(rows) > 1
+            if not directed:
+                why = "roads without one-way information, as the table has none (taken as two-way)"
+                skipped[why] += len(np.unique(rows))
         along = np.full(len(rows), int(directed), dtype=np.int8)
     elif directed:
         along = np.where(along == 0, 1, along).astype(np.int8)
     return _streets(sheet, links, along, skipped), skipped
+
+
+def _with_tags(sheet: Sheet, skipped: Counter[str]) -> Sheet:
+    """The table with columns for what it has in one of tags; columns of its own stay."""
+    column = next((sheet.columns[name] for name in TAGS if name in sheet.columns), None)
+    if column is None or not any(rows := tags_in(column, skipped)):
+        return sheet
+    classes = _find(sheet, "highway")
+    if classes is not None:  # motorways are one-way by their class
+        rows = [{"highway": _class(own)} | tags for own, tags in zip(classes, rows, strict=True)]
+    absent = [what for what in _TAGGED if _find(sheet, what) is None]
+    if "oneway" in absent and _find(sheet, "reverse_cost") is not None:
+        absent.remove("oneway")
+    found = {
+        what: np.array([_tagged(what, tags) for tags in rows], dtype=object) for what in absent
+    }
+    return replace(sheet, columns=sheet.columns | found)
+
+
+def _tagged(what: str, tags: Tags) -> object:
+    """The cell that a column of its own would have."""
+    if what == "oneway":
+        return meaning.oneway(tags)
+    if what == "access":
+        return meaning.access_word(tags)
+    return tags.get("maxspeed" if what == "speed_limit_kmh" else what)
 
 
 def _known(sheet: Sheet) -> Sheet:

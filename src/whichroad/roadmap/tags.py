@@ -131,12 +131,15 @@ def oneway_word(value: object) -> int | None:
 
 
 def access(tags: dict[str, str]) -> int:
-    """OPEN, LIMITED or CLOSED for a car; the most particular tag decides."""
-    for key in ("motorcar", "motor_vehicle", "vehicle", "access"):
-        word = tags.get(key)
-        if word is not None:
-            return CLOSED if word in _CLOSED else LIMITED if word in _LIMITED else OPEN
-    return OPEN
+    """OPEN, LIMITED or CLOSED for a car."""
+    word = access_word(tags)
+    return CLOSED if word in _CLOSED else LIMITED if word in _LIMITED else OPEN
+
+
+def access_word(tags: dict[str, str]) -> str | None:
+    """Of access for a car; the most particular tag decides."""
+    keys = ("motorcar", "motor_vehicle", "vehicle", "access")
+    return next((tags[key] for key in keys if key in tags), None)
 
 
 def lane_offset(highway: str, both_ways: bool, lanes: float, width: float, ring: bool) -> float:
