@@ -183,6 +183,31 @@ def test_the_reference_system_is_in_the_command(run, folder, track):
     assert run(*command_of(out))[0] == 0
 
 
+def test_one_reference_system_serves_drive_and_map(run, folder, track):
+    points = geopandas.points_from_xy(track.lon, track.lat, crs=4326).to_crs("EPSG:32631")
+    table = pd.DataFrame({"time": track.time, "x": points.x, "y": points.y})
+    table.to_csv("plane.csv", index=False)
+    table.assign(odo=12.0 * np.arange(N)).to_csv("odo.csv", index=False)
+    edges = whichroad.RoadMap.open(folder / "town.map").edges_table().to_crs("EPSG:32631")
+    edges.to_wkt().to_csv("roads.csv", index=False)
+    for drive in ("plane.csv", "odo.csv"):
+        code, out, _ = run("inspect", drive, "roads.csv")
+        words = command_of(out)
+        assert words[:6] == ["match", drive, "--map", "roads.csv", "--crs", "CRS"]
+        code, _, said = run(*words[:4])
+        assert (code, "--crs" in said) == (1, True)
+        code, out, _ = run("inspect", drive, "roads.csv", "--crs", "EPSG:32631")
+        assert "roads.csv: a road map" in out
+        assert run(*command_of(out), "--force")[0] == 0
+    code, out, _ = run("inspect", "points.parquet", "roads.csv", "--crs", "EPSG:32631")
+    assert "report points.parquet --map roads.csv --crs EPSG:32631" in out
+    assert run(*command_of(out))[0] == 0
+    degrees = whichroad.RoadMap.open(folder / "town.map").edges_table()
+    degrees.to_wkt().to_csv("degrees.csv", index=False)  # which the drive's system is not for
+    command = ("match", "plane.csv", "--map", "degrees.csv", "--crs", "EPSG:32631")
+    assert run(*command, "-o", "points.csv")[0] == 0
+
+
 def test_maps_of_every_kind_are_maps(run, folder):
     roads = whichroad.RoadMap.open(folder / "town.map").edges_table()
     roads.to_parquet("town.parquet")

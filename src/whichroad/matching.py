@@ -165,7 +165,8 @@ def match(
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the tables.
         can: The path of a CAN log with wheel data, beside the paths of fixes.
         dbc: The path of the database that describes its signals.
-        crs: Reference system of `x, y` columns, as pyproj takes it, e.g. "EPSG:3067".
+        crs: Reference system of `x, y` columns, and of a table of roads in a plane that names
+            none, as pyproj takes it, e.g. "EPSG:3067".
         id: The column of tables whose values tell drives apart.
         columns: Own names of columns in tables, e.g. {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times in tables that name none, e.g. "Europe/Berlin"; None: UTC.
@@ -192,7 +193,7 @@ def match(
         vehicle = read_vehicle(vehicle)
     elif vehicle is None:
         vehicle = vehicle_beside(drive)
-    road_map = open_map(roads)
+    road_map = open_map(roads, crs=crs)
     tuned = tuned_by(settings, vehicle)
     windows = [(_seconds(a), _seconds(b)) for a, b in mask]
     about = places_on(places, road_map)
@@ -255,7 +256,7 @@ def _match_one(
             progress=(lambda done: progress(drive.drive_id, done, n)) if progress else None,
         )  # fmt: skip
     except DriveError as error:  # what a reader noted may be why
-        raise DriveError("; ".join([str(error), *drive.notes])) from None
+        raise DriveError("; ".join([*drive.notes, str(error)])) from None
     driven = cache(
         partial(traversals, timeline.epochs, recorded.output, recorded.chain, roads.arrays)
     )

@@ -265,7 +265,7 @@ def job_of(
         vehicle = read_vehicle(vehicle)
     Writing.of(tz, dates)
     maps = shared_maps(Path(roads)) if is_folder(roads) else roads
-    one = next(iter(maps.values())) if isinstance(maps, RoadMaps) else shared_map(maps)
+    one = next(iter(maps.values())) if isinstance(maps, RoadMaps) else shared_map(maps, crs)
     job = Job(
         one,
         vehicle,

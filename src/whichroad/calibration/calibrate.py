@@ -113,7 +113,7 @@ def calibrate(
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     start = vehicle or vehicle_beside(drives) or Vehicle()
-    road_map, settings = open_map(roads), settings or Settings()
+    road_map, settings = open_map(roads, crs=reading.get("crs")), settings or Settings()
     found = _drives(drives, start, settings, reading)
     used, left_out = _usable(found, road_map)
     tell = progress or (lambda _: None)

@@ -84,7 +84,11 @@ PlacesOption = Annotated[
 ]
 CrsOption = Annotated[
     str | None,
-    typer.Option("--crs", help="Coordinate system of columns x and y, such as EPSG:3067."),
+    typer.Option(
+        "--crs",
+        help="Coordinate system of columns x and y, and of a table of roads that names none, such "
+        "as EPSG:3067.",
+    ),
 ]
 IdOption = Annotated[
     str | None,

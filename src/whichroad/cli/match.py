@@ -204,7 +204,7 @@ def match(
                 "and show one by `whichroad report points.parquet --drive-id NAME`"
             )
         progress("reading the map", 0, 0)
-        network = open_map(roads)
+        network = open_map(roads, crs=crs)
         about = None if places is None else Places(places, network)
         progress("localizing", 0, 0)
         result = matching.match(

@@ -58,7 +58,7 @@ def match_trips(
         points = out and files.enter_context(growing(out, force=force))
         path = path_out and files.enter_context(growing(path_out, force=force))
         progress("reading the map", 0, 0)
-        network = open_map(roads)
+        network = open_map(roads, crs=options["crs"])
         progress("localizing", 0, 0)
         for part in match_stream(table, network, progress=progress, **options):
             if points:

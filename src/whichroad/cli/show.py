@@ -10,6 +10,7 @@ from ..errors import comes_with
 from .arguments import (
     CanOption,
     ColumnsOption,
+    CrsOption,
     DbcOption,
     Force,
     MapOption,
@@ -58,6 +59,7 @@ def replay(
     path: PathFile = None,
     places: PlacesOption = None,
     sensor: SensorOption = None,
+    crs: CrsOption = None,
     drive_id: DriveId = None,
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port to listen on. 0: any free port.")
@@ -103,7 +105,7 @@ def replay(
 
     with progress_line() as progress:
         progress("reading the map", 0, 0)
-        network = open_map(roads)
+        network = open_map(roads, crs=crs)
         about = None if places is None else Places(places, network)
         known = None if truth is None else read_truth(truth)
         car = vehicle_beside(drive) if vehicle is None else read_vehicle(vehicle)
@@ -121,7 +123,12 @@ def replay(
                 )
             progress("reading the drive", 0, 0)
             drives = read_drive(
-                drive, vehicle=car, dbc=dbc, can=can, columns=(own | columns_of(more)) or None
+                drive,
+                vehicle=car,
+                dbc=dbc,
+                can=can,
+                crs=crs,
+                columns=(own | columns_of(more)) or None,
             )
             one = one_of(drives, drive_id)
             progress("localizing", 0, 0)
@@ -147,6 +154,7 @@ def report(
     ] = None,
     path: PathFile = None,
     places: PlacesOption = None,
+    crs: CrsOption = None,
     drive_id: DriveId = None,
     force: Force = False,
 ) -> None:
@@ -173,7 +181,7 @@ def report(
         progress("reading the result", 0, 0)
         points = read_points(result, drive_id, path)
         progress("reading the map", 0, 0)
-        network = None if roads is None else open_map(roads)
+        network = None if roads is None else open_map(roads, crs=crs)
         if network is not None:
             check_map(points, network, result)
         progress("writing", 0, 0)

@@ -146,7 +146,7 @@ def run_fleet(
         raise WriteError(f"{folder}: it holds tables without a manifest; choose an empty folder")
     _make(folder, [*(["points"] if points != "none" else []),
                    *(["ahead", "nearby"] if places is not None else [])])  # fmt: skip
-    compiled, roads = _compiled(map, folder)
+    compiled, roads = _compiled(map, folder, crs)
     Lag.of(lag)
     task = Task(
         str(compiled), str(folder.resolve()), trip_id, points, vehicle, settings, lag, crs,
@@ -210,11 +210,11 @@ def _make(folder: Path, tables: Sequence[str]) -> None:
         ) from None
 
 
-def _compiled(map: str | Path, folder: Path) -> tuple[Path, RoadMap | RoadMaps]:
+def _compiled(map: str | Path, folder: Path, crs: Any) -> tuple[Path, RoadMap | RoadMaps]:
     """The path of a compiled map or of a folder of them, and the map or maps."""
     if is_folder(map):
         return Path(map).resolve(), shared_maps(Path(map))
-    path, roads = Path(map), open_map(map)
+    path, roads = Path(map), open_map(map, crs=crs)
     if not is_compiled(path):
         path = folder / _WORK / "compiled.map"
         roads.save(path)

@@ -19,6 +19,7 @@ from ..readers.source import Source
 from ..readers.table_files import table_of
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import fixes_outside, outside_note
+from ..roadmap.lines import NoSystem
 from ..roadmap.osm import SUFFIXES as EXTRACTS
 from ..roadmap.store import is_compiled
 from ..roadmap.sumo import SUFFIXES as NETS
@@ -75,7 +76,15 @@ def inspect_files(
     found.take_together()
     found.compare()
     understood = any(
-        (found.vehicle, found.dbc, found.map, found.answer, found.left_out, found.read)
+        (
+            found.vehicle,
+            found.dbc,
+            found.map,
+            found.planar,
+            found.answer,
+            found.left_out,
+            found.read,
+        )
     )
     return Inspected(found.sections, found.command(), understood)
 
@@ -92,6 +101,7 @@ class _Files:
         self.dbc: Path | None = None
         self.vehicle: tuple[Path, Vehicle] | None = None
         self.map: tuple[Path, RoadMap] | None = None
+        self.planar: dict[str, Path] = {}  # drive and map that need a system, and have none
         self.answer: Path | None = None
         self.left_out = False  # whether one of them is a truth or a path
         self.read: list[Drive] = []
@@ -139,7 +149,11 @@ class _Files:
         self._describe(drives)
 
     def _take_map(self, path: Path) -> None:
-        roads = open_map(path)
+        try:
+            roads = open_map(path, crs=self.reading.get("crs"))
+        except NoSystem:
+            self.planar["map"] = path
+            raise
         self.map = path, roads
         self.sections.append(map_section(str(path), roads))
 
@@ -168,6 +182,8 @@ class _Files:
             title = f"{path}: points that `whichroad match` wrote"
             self.sections.append(Section(title, [("columns", ", ".join(seen.names))]))
             return
+        if seen is not None and _lacks_system(seen, self.reading):
+            self.planar["drive"] = path
         drives = read_drive(
             [path], vehicle=self.car, dbc=self.dbc if kind == "can" else None,
             settings=self.settings, **(self.reading if kind in _IN_A_CRS else {}),
@@ -238,17 +254,22 @@ class _Files:
 
     def command(self) -> str:
         """The command that would match the files, or show the answer that one of them is."""
-        roads = str(self.map[0]) if self.map else "MAP"
+        roads = str(self.map[0] if self.map else self.planar.get("map", "MAP"))
         if self.answer is not None and not self.drives:
-            parts = ["whichroad", "report", str(self.answer), "--map", roads, "-o", "report.html"]
-            return shlex.join(parts)
-        parts = ["whichroad", "match", *(map(str, self.drives) if self.drives else ["DRIVE"])]
+            crs = self.reading.get("crs", "CRS" if self.planar else None)
+            parts = ["whichroad", "report", str(self.answer), "--map", roads]
+            parts += [] if crs is None else ["--crs", str(crs)]
+            return shlex.join([*parts, "-o", "report.html"])
+        drives = self.drives or [self.planar.get("drive", Path("DRIVE"))]
+        parts = ["whichroad", "match", *map(str, drives)]
         options: dict[str, Any] = {"--map": roads}
         if self.can:
             options |= {"--can": self.can, "--dbc": self.dbc or "DBC"}
         if self.vehicle:
             options["--vehicle"] = self.vehicle[0]
         options |= {f"--{name}": _option(value) for name, value in self.reading.items()}
+        if self.planar:
+            options.setdefault("--crs", "CRS")
         options |= {"-o": "points.parquet", "--path-out": "path.parquet"}
         return shlex.join([*parts, *(str(word) for item in options.items() for word in item)])
 
@@ -258,6 +279,13 @@ def _option(value: Any) -> str:
     if isinstance(value, dict):
         return ",".join(f"{name}={column}" for name, column in value.items())
     return str(value)
+
+
+def _lacks_system(seen: Seen, reading: dict[str, Any]) -> bool:
+    """Whether the only places of a table are in a plane that nobody named."""
+    found = seen.found.keys()
+    places = {"lat", "lon"} <= found or "geometry" in found
+    return {"x", "y"} <= found and not places and "crs" not in reading
 
 
 def _seen(path: Path, reading: dict[str, Any]) -> Seen:

@@ -24,7 +24,7 @@ _KEEP = 30 * 86400.0  # s after which a file is checked again
 _OPEN = 4  # maps that a process keeps open
 
 _here: set[str] = set()  # stamps that this process has checked
-_opened: "OrderedDict[str, RoadMap]" = OrderedDict()
+_opened: "OrderedDict[tuple[str, str], RoadMap]" = OrderedDict()  # by stamp and system
 _lock = threading.Lock()
 
 
@@ -89,10 +89,14 @@ def _delete_stale(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def shared_map(roads: Any) -> "RoadMap":
+def shared_map(roads: Any, crs: Any = None) -> "RoadMap":
     """A map that this process opens once: `open_map`, and files by their stamp.
 
     The result is shared by all who ask; nobody may write to its arrays.
+
+    Args:
+        roads: As `open_map` takes it.
+        crs: Likewise.
 
     Raises:
         MapError: It is no map, nor the path of one.
@@ -100,15 +104,16 @@ def shared_map(roads: Any) -> "RoadMap":
     from .open_map import open_map
 
     if not isinstance(roads, str | Path):
-        return open_map(roads)
+        return open_map(roads, crs=crs)
     mark = stamp(Path(roads))
+    key = mark or "", str(crs)
     with _lock:
-        if mark is not None and mark in _opened:
-            _opened.move_to_end(mark)
-            return _opened[mark]
-        opened = open_map(roads)
+        if key in _opened:
+            _opened.move_to_end(key)
+            return _opened[key]
+        opened = open_map(roads, crs=crs)
         if mark is not None and mark == stamp(Path(roads)):
-            _opened[mark] = opened
+            _opened[key] = opened
             while len(_opened) > _OPEN:
                 _opened.popitem(last=False)
         return opened

@@ -14,6 +14,10 @@ from .sheet import Sheet
 from .streets import Ints
 
 
+class NoSystem(MapError):
+    """A table of roads is in a plane, and does not name it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Lines:
     """Lines one after the other.  n lines, V vertices."""
@@ -44,6 +48,7 @@ def read_lines(sheet: Sheet, crs: Any, skipped: Counter[str]) -> Lines:
 
     Raises:
         MapError: There are none, or their coordinate system is unknown.
+        NoSystem: They are no degrees, and no system is given.
     """
     import shapely
 
@@ -90,10 +95,10 @@ def degrees_of(xy: Array, crs: Any, sheet: Sheet) -> tuple[Array, Array]:
     x, y = xy.T
     if crs is None:
         if len(xy) and not (np.abs(x).max() <= 360.0 and np.abs(y).max() <= 90.0):
-            raise MapError(
+            raise NoSystem(
                 f"{sheet.where}: coordinates up to {np.abs(xy).max():,.0f} without a coordinate "
-                'system; longitude and latitude, or crs="EPSG:..." (`whichroad map build --crs '
-                "EPSG:... -o roads.map`, then --map roads.map) were expected"
+                'system; longitude and latitude, or crs="EPSG:..." (--crs) were expected; name the '
+                "system, or compile the table: `whichroad map build --crs EPSG:... -o roads.map`"
             )
         return x, y
     import pyproj

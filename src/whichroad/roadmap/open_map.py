@@ -5,6 +5,7 @@ from typing import Any
 
 from ..errors import MapError
 from .graphs import is_graph
+from .lines import NoSystem
 from .osm import SUFFIXES
 from .roadmap import RoadMap
 from .store import is_compiled
@@ -16,11 +17,12 @@ _TABLES = (".geojson", ".json", ".csv", ".csv.gz", ".tsv", ".parquet", ".geoparq
 _DRIVES = (".gpx", ".nmea", ".nma", ".pos", ".log", ".asc", ".blf", ".trc", ".mf4", ".dbc")
 
 
-def open_map(roads: Any, *, check: bool | None = None) -> RoadMap:
+def open_map(roads: Any, *, crs: Any = None, check: bool | None = None) -> RoadMap:
     """A road map: itself, or of a compiled file, an OpenStreetMap extract or a table of edges.
 
     Args:
         roads: A `RoadMap`, the path of a map, or a table or graph of edges.
+        crs: Coordinate system of a table in a plane that names none, such as that of the drive.
         check: Of a compiled file, as `RoadMap.open` takes it.
 
     Raises:
@@ -36,11 +38,11 @@ def open_map(roads: Any, *, check: bool | None = None) -> RoadMap:
         if is_compiled(path):
             return RoadMap.open(path, check=check)
         if is_net(path):
-            return RoadMap.from_edges(path)
+            return _of_edges(path, crs)
         if name.endswith(SUFFIXES):
             return RoadMap.from_osm(roads)
         if name.endswith(_TABLES):
-            return RoadMap.from_edges(roads)
+            return _of_edges(roads, crs)
         if path.is_file() and path.stat().st_size:
             raise MapError(_refusal(path))
         return RoadMap.open(path)
@@ -48,11 +50,20 @@ def open_map(roads: Any, *, check: bool | None = None) -> RoadMap:
         opened: RoadMap = roads
         return opened
     if hasattr(roads, "columns") or is_graph(roads):  # a table of pandas or Arrow, or OSMnx's
-        return RoadMap.from_edges(roads)
+        return _of_edges(roads, crs)
     raise MapError(
         f"roads: {type(roads).__name__} was given; a RoadMap, the path of a map or a table of "
         "edges was expected; RoadMap.from_osm(path) makes one"
     )
+
+
+def _of_edges(table: Any, crs: Any) -> RoadMap:
+    try:
+        return RoadMap.from_edges(table)
+    except NoSystem:
+        if crs is None:
+            raise
+        return RoadMap.from_edges(table, crs)
 
 
 def _refusal(path: Path) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import MapError
 from ..geodesy.units import kmh_of_mps
+from .lines import NoSystem
 from .road_tables import streets_of
 from .sheet import Sheet
 from .streets import Restriction, Streets, Texts
@@ -66,9 +67,9 @@ def read_net(path: Path, crs: Any = None) -> tuple[Streets, str]:
             "may use was expected; was it written by netconvert?"
         )
     if crs is None and net.projection in ("!", "-", "."):
-        raise MapError(
+        raise NoSystem(
             f"{path}: its coordinates have no projection (projParameter is {net.projection!r}); a "
-            'network with one was expected; give crs="EPSG:..." (map build --crs)'
+            'network with one was expected; give crs="EPSG:..." (--crs)'
         )
     streets, skipped = streets_of(_sheet(net, path, crs or net.projection), None, True)
     skipped.update(net.skipped)
