@@ -93,6 +93,30 @@ def test_geojson_refuses_what_json_cannot_say(points, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_geopackage_has_a_layer_of_points_or_of_the_path(points, path, tmp_path):
+    for name, table, kind in (("points", points, "Point"), ("path", path, "LineString")):
+        write_table(table, tmp_path / f"{name}.gpkg")
+        assert geopandas.list_layers(tmp_path / f"{name}.gpkg").values.tolist() == [[name, kind]]
+        read = geopandas.read_file(tmp_path / f"{name}.gpkg")
+        assert read.crs.to_epsg() == 4326
+        assert len(read) == table.num_rows
+        assert set(table.column_names) <= set(read.columns)
+    read = geopandas.read_file(
+        tmp_path / "points.gpkg", columns=["alternatives", "time", "edge_id"]
+    )
+    assert read.geometry[0] == shapely.Point(8.68, 49.41)
+    assert read.geometry[2] is None
+    assert json.loads(read.alternatives[0]) == points["alternatives"][0].as_py()
+    assert read.time[1].isoformat() == "1970-01-01T00:00:00.100000+00:00"
+    with pytest.raises(WriteError, match="no positions"):
+        write_table(pa.table({"p": [0.5]}), tmp_path / "t.gpkg")
+
+
+def test_a_shapefile_is_refused_for_a_geopackage(tmp_path):
+    with pytest.raises(WriteError, match=r"'\.shp' names no format.*write \.gpkg"):
+        check(tmp_path / "points.shp")
+
+
 def test_csv_has_iso_times_lists_as_json_and_empty_for_absence(points, tmp_path):
     write_table(points, tmp_path / "points.csv")
     with open(tmp_path / "points.csv", encoding="utf-8", newline="") as file:

@@ -84,8 +84,8 @@ def match(
         typer.Option(
             "-o",
             "--out",
-            help="File for the points: .parquet, .geoparquet, .geojson, .csv, .gpx, .arrow, .nmea, "
-            ".mcap, .bag, .db3.",
+            help="File for the points: .parquet, .geoparquet, .geojson, .csv, .gpkg, .gpx, .arrow, "
+            ".nmea, .mcap, .bag, .db3.",
         ),
     ] = None,
     path_out: Annotated[

@@ -264,7 +264,7 @@ class Result:
     def write(self, path: str | Path, *, force: bool = False) -> None:
         """Write the points; the suffix chooses the format.
 
-        GeoParquet, GeoJSON, CSV, GPX, Arrow, NMEA, MCAP, or a bag of ROS 1 or 2.
+        GeoParquet, GeoJSON, GeoPackage, CSV, GPX, Arrow, NMEA, MCAP, or a bag of ROS 1 or 2.
 
         Args:
             path: The file.

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
     Writer = Callable[["pa.Table", Path], None]
 
-SUFFIXES = (".parquet", ".geojson", ".json", ".csv", ".gpx", ".arrow", ".feather", ".geoparquet")
+SUFFIXES = (".parquet", ".geojson", ".json", ".csv", ".gpkg", ".gpx", ".arrow", ".feather",
+            ".geoparquet")  # fmt: skip
 OF_POINTS = (".nmea", ".mcap", ".bag", ".db3")  # for receivers and robots
 OF_PATHS = (".rou.xml",)  # a path by source for SUMO
 
@@ -50,14 +51,23 @@ def check(path: str | os.PathLike[str], *, force: bool = False) -> None:
 
     Raises:
         WriteError: as `write_table`.
+        SettingError: the suffix needs an extra that is not installed.
     """
     path = Path(path)
     known = (*SUFFIXES, *OF_POINTS, *OF_PATHS)
     if _suffix(path) not in known:
+        short = _suffix(path) == ".shp"
+        hint = (
+            "write .gpkg, as names in a Shapefile have 10 letters" if short else "rename the output"
+        )
         raise WriteError(
             f"{path}: the suffix {path.suffix or '(none)'!r} names no format; one of "
-            f"{', '.join(known)} was expected; rename the output"
+            f"{', '.join(known)} was expected; {hint}"
         )
+    if _suffix(path) == ".gpkg":
+        from .geopackage import check_gdal
+
+        check_gdal()
     check_place(path, force=force)
 
 
@@ -198,6 +208,8 @@ def _writer(path: Path) -> "Writer":
             from .geojson import write
         case ".csv":
             from .csv import write
+        case ".gpkg":
+            from .geopackage import write
         case ".gpx":
             from .gpx import write
         case ".arrow" | ".feather":

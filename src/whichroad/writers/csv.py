@@ -28,7 +28,7 @@ def _as_text(table: pa.Table) -> pa.Table:
         if column.name == "geometry":
             table = table.set_column(index, column.name, _wkt(values))
         elif pa.types.is_nested(column.type):
-            table = table.set_column(index, column.name, _json(values))
+            table = table.set_column(index, column.name, as_json(values))
     return table
 
 
@@ -39,7 +39,7 @@ def _wkt(values: pa.ChunkedArray) -> pa.Array:
     return pa.array(shapely.to_wkt(shapes, rounding_precision=9), pa.string())
 
 
-def _json(values: pa.ChunkedArray) -> pa.Array:
+def as_json(values: pa.ChunkedArray) -> pa.Array:
     """Each value as JSON text; lists of records of numbers take no Python per row."""
     array = values.combine_chunks()
     if not _is_list_of_numbers(array.type):
