@@ -401,6 +401,22 @@ def test_projected_coordinates_need_a_reference_system(sound):
         one(columns, crs="no_such_crs")
 
 
+@pytest.mark.parametrize("suffix", [None, "parquet", "gpkg", "geojson"])
+def test_rows_without_a_point_are_skipped_and_counted(tmp_path, suffix, sound):
+    gpd, shapely = pytest.importorskip("geopandas"), pytest.importorskip("shapely")
+    places = [None, shapely.Point(), *gpd.points_from_xy(np.full(3, 8.7), np.full(3, 49.4))]
+    frame = gpd.GeoDataFrame({"time": T0 + np.arange(N)}, geometry=places, crs=4326)
+    if suffix is None:
+        [drive] = drive_from_table(frame)
+    else:
+        path = tmp_path / f"drive.{suffix}"
+        frame.to_parquet(path) if suffix == "parquet" else frame.to_file(path)
+        [drive] = read_drive(path)
+    sound(drive)
+    assert len(drive.fixes) == N - 2
+    assert drive.skipped == {"no position": 2}
+
+
 def test_points_of_a_geodataframe_are_brought_to_degrees(sound):
     import geopandas as gpd
 

@@ -23,18 +23,23 @@ def read_geo(source: Source, reading: Reading) -> list[Drive]:
         ReadError: GDAL cannot read it, or it holds no points or lines, or several layers of them.
     """
     frame = _frame(source)
+    import pandas as pd
+
     if frame.crs is None and reading.crs is not None:
         frame = frame.set_crs(reading.crs)
     if frame.crs is not None:
         frame = frame.to_crs(4326)
-    frame = frame[~(frame.geometry.isna() | frame.geometry.is_empty)]
-    kinds = set(frame.geom_type)
+    blank = frame.geometry.isna() | frame.geometry.is_empty
+    kinds = set(frame[~blank].geom_type)
     about = [column for column in frame.columns if column != frame.geometry.name]
     if kinds and kinds <= set(_POINTS):
-        frame = frame.explode(index_parts=False)
-        plain = frame[about].assign(lon=frame.geometry.x, lat=frame.geometry.y)
+        points = frame[~blank].explode(index_parts=False)
+        plain = points[about].assign(lon=points.geometry.x, lat=points.geometry.y)
+        if blank.any():  # rows without a place, where they stood
+            plain = pd.concat([plain, frame.loc[blank, about]]).sort_index(kind="stable")
         tracks = [Track("", plain.to_dict("records"))]
     elif kinds and kinds <= set(_LINES):
+        frame = frame[~blank]
         names = _names(frame, about)
         tracks = [
             Track(name if len(frame) > 1 else "", _along(line))

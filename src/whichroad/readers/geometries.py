@@ -77,6 +77,7 @@ def _points(column: "pa.ChunkedArray", where: str) -> tuple[Array, Array]:
             points = shapely.from_wkt(values)
         else:
             points = shapely.from_wkb(values)
+        points[shapely.is_empty(points)] = None  # an empty point has no coordinates to ask for
         return shapely.get_x(points), shapely.get_y(points)
     except (shapely.errors.ShapelyError, pa.ArrowException, TypeError, ValueError) as error:
         raise ReadError(

@@ -157,16 +157,14 @@ def _of_geojson(content: dict[str, Any], source: Source) -> list[Track]:
         geometry = feature.get("geometry") if feature.get("type") == "Feature" else feature
         about = feature.get("properties")
         about = about if isinstance(about, dict) else {}
-        if not isinstance(geometry, dict):
-            continue
+        geometry = geometry if isinstance(geometry, dict) else {}
         places, kind = geometry.get("coordinates"), geometry.get("type")
-        if kind == "Point":
-            points += list(_places([places], _flat(about)))
-        elif kind == "MultiPoint":
-            points += list(_places(places, _flat(about)))
+        if kind in ("Point", "MultiPoint", None):  # one without a place is a row without it
+            there = _places(places if kind == "MultiPoint" else [places], _flat(about))
+            points += list(there) or [{**_flat(about), "lat": None, "lon": None}]
         elif kind in ("LineString", "MultiLineString"):
             lines += _lines(places, kind == "MultiLineString", about, str(number))
-    tracks = [Track("", points)] if points else []
+    tracks = [Track("", points)] if any(row["lat"] is not None for row in points) else []
     for line in lines:
         rows = list(_places(line.coordinates, {}))
         if line.times is not None and len(line.times) == len(line.coordinates) == len(rows):

@@ -125,10 +125,11 @@ def _frame(frame: Any, own: Any) -> Seen:
 
 
 def _points(frame: Any) -> Any:
-    """A GeoDataFrame of points as a DataFrame with lon and lat."""
-    points = frame.geometry
-    if not points.geom_type.isin(["Point"]).all():
-        kinds = ", ".join(sorted({str(kind) for kind in points.geom_type.unique()}))
+    """A GeoDataFrame of points as a DataFrame with lon and lat, NaN where there is no point."""
+    points = frame.geometry.where(~frame.geometry.is_empty, None)
+    strange = set(points.geom_type.dropna()) - {"Point"}
+    if strange:
+        kinds = ", ".join(sorted(strange))
         raise ValueError(f"geometries of kind {kinds}; points were expected")
     if points.crs is not None:
         points = points.to_crs(4326)
