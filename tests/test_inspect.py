@@ -73,6 +73,15 @@ def test_columns_are_named_with_what_they_were_read_as(track, tmp_path, name, fa
     assert drive["odometry"] == "none"
 
 
+def test_dates_and_a_speed_without_a_unit_are_named_as_what_they_are(track, tmp_path):
+    dates = pd.to_datetime(track.time, unit="s", utc=True).dt.strftime("%Y-%m-%dT%H:%M:%SZ")
+    track.assign(time=dates, speed=43.2).to_csv(tmp_path / "in.csv", index=False)
+    columns = rows_of(inspect_files([tmp_path / "in.csv"]), "columns of in.csv")
+    assert columns["time"] == "column 'time', dates"
+    said = "m/s unless a note says otherwise, as the name has no unit"
+    assert columns["speed"] == f"column 'speed', {said}"
+
+
 def test_sigmas_are_given_with_their_source(track, tmp_path):
     usual = Settings()
     known = np.arange(N)

@@ -94,6 +94,11 @@ def test_columns_x_and_y_are_places_in_the_system_that_is_told(fixes, roads, ans
         whichroad.match(table.assign(odo=12.0 * np.arange(N)), roads)
 
 
+def test_own_columns_as_text_are_refused(fixes, roads):
+    with pytest.raises(SettingError, match=r"columns is 'time=a'; .*as a dict"):
+        whichroad.match(fixes, roads, columns="time=a")
+
+
 def test_a_frame_of_edges_is_a_map(fixes, edges, answer):
     same(whichroad.match(fixes, edges).points, answer)
 
@@ -278,8 +283,8 @@ def test_many_drives_of_a_csv_are_told_by_their_sums(run, fixes, roads):
         "  epochs without answer  0",
         "  path                   2,8" + out.partition("2,8")[2].strip(),
     ]
-    assert err.count("covariance not positive definite (settings' default used)") == 1
-    assert "skipped: covariance not positive definite (settings' default used): 240\n" in err
+    assert err.count("accuracy or sigma of 0 or less (settings' default used)") == 1
+    assert "skipped: accuracy or sigma of 0 or less (settings' default used): 240\n" in err
     assert "skipped: far: none of its 40 fixes is within 1 km of a road" in err
 
 

@@ -30,6 +30,7 @@ from .readers import (
     read_vehicle,
     vehicle_beside,
 )  # fmt: skip
+from .readers.reading import own_columns
 from .recorded import Recorded, localize_by_paper, localize_recorded
 from .roadmap import RoadMap, open_map
 from .roadmap.extent import are_near as are_near
@@ -202,7 +203,7 @@ def match(
     sensed = Sensed(sensors, road_map) if sensors else None
     if sensed is not None and model == "paper":
         raise SettingError("sensors: given; none were expected with the paper's method")
-    own = dict(columns or {}) | (sensed.columns if sensed else {})
+    own = own_columns(columns) | (sensed.columns if sensed else {})
     parts: list[Result] = []
     failed: list[str] = []
     if isinstance(pose, StartPose):

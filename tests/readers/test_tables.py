@@ -14,7 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whichroad.errors import ReadError
+from whichroad import match_many
+from whichroad.errors import ReadError, SettingError
 from whichroad.observations import (
     ASSUMED,
     FROM_HDOP,
@@ -211,7 +212,7 @@ def test_an_accuracy_that_is_none_is_replaced_flagged_and_counted(name: str, unk
     drive = one(table(**{name: [3.0, unknown, 3.0, np.nan, 3.0]}))
     sound(drive)
     assert drive.fixes.flags.tolist() == [0, ASSUMED, 0, ASSUMED, 0]
-    assert drive.skipped == {"covariance not positive definite (settings' default used)": 1}
+    assert drive.skipped == {"accuracy or sigma of 0 or less (settings' default used)": 1}
 
 
 def test_an_accuracy_that_is_none_leaves_the_word_to_the_hdop():
@@ -497,6 +498,16 @@ def test_what_is_no_table_in_memory_is_refused(thing):
 CELLS = st.one_of(
     st.floats(), st.integers(-(2**70), 2**70), st.text(max_size=8), st.sampled_from(["", "1e999"])
 )
+
+
+def test_a_table_is_no_path_and_own_columns_are_a_mapping():
+    for thing in (pd.DataFrame(table()), pa.table(table()), table()):
+        with pytest.raises(ReadError, match=r"in memory was given; paths .*whichroad\.match"):
+            read_drive(thing)
+    with pytest.raises(SettingError, match=r"columns is 'time=a'; .*as a dict"):
+        drive_from_table(pd.DataFrame(table()), columns="time=a")
+    with pytest.raises(SettingError, match=r"columns is 'time=a'"):
+        match_many(table(trip_id=["a"] * N), None, columns="time=a")
 
 
 @given(st.lists(st.tuples(CELLS, CELLS, CELLS, CELLS), min_size=1, max_size=6))

@@ -196,7 +196,7 @@ class _Files:
             self.drives.append(path)
         self.tables |= kind in _IN_A_CRS
         if seen is not None:
-            self.sections.append(columns_section(path.name, seen.names, seen.found))
+            self.sections.append(columns_section(path.name, seen))
         self._describe(drives)
 
     def take_together(self) -> None:

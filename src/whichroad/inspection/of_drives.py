@@ -1,6 +1,6 @@
 """What a drive holds: rates, gaps, sigmas and their source, what was read as what."""
 
-from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ..observations import (
     WheelSpeeds,
     WithGyro,
 )
-from ..readers.names import Column, normal
+from ..readers.names import Column, Seen, normal
 from ..settings import Settings
 from ..wording import moment
 from .section import Section, duration, rate, spread
@@ -67,25 +67,40 @@ def drive_section(drive: Drive, settings: Settings) -> Section:
     )
 
 
-def columns_section(title: str, names: Sequence[str], found: Mapping[str, Column]) -> Section:
+def columns_section(title: str, seen: Seen) -> Section:
     """What the columns of a table were taken as.
 
     Args:
         title: The table.
-        names: All its columns.
-        found: Those that are used, by quantity.
+        seen: Its columns, those that are used by quantity.
     """
-    rows = [(quantity, _column_text(quantity, column)) for quantity, column in found.items()]
-    used = {normal(column.name) for column in found.values()}
-    others = [name or "(no name)" for name in names if normal(name) not in used]
+    rows = [
+        (quantity, _column_text(quantity, column, seen)) for quantity, column in seen.found.items()
+    ]
+    used = {normal(column.name) for column in seen.found.values()}
+    others = [name or "(no name)" for name in seen.names if normal(name) not in used]
     if others:
         rows.append(("not used", ", ".join(others)))
     return Section(f"columns of {title}", rows)
 
 
-def _column_text(quantity: str, column: Column) -> str:
+def _column_text(quantity: str, column: Column, seen: Seen) -> str:
     unit = _SI.get(quantity, "") if column.factor == 1.0 else _OTHERS.get(column.factor, "")
+    if column.factor == 0.0 and _are_dates(seen.table.column(column.place)):
+        unit = "dates"
+    if column.bare:
+        unit = f"{unit} unless a note says otherwise, as the name has no unit"
     return f"column {column.name!r}" + (f", {unit}" if unit else "")
+
+
+def _are_dates(cells: Any) -> bool:
+    """Whether the first cell of a column that holds anything is no number."""
+    first = next((cell for cell in cells.slice(0, 1000).to_pylist() if cell not in (None, "")), 0.0)
+    try:
+        float(first)
+    except (TypeError, ValueError):
+        return True
+    return False
 
 
 def _of_fixes(fixes: Fixes, settings: Settings) -> list[tuple[str, str]]:

@@ -19,7 +19,7 @@ from ..sensors.gyro_turns import covers
 from ..sensors.validation import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
 from .checks import Skipped, in_order, keep
-from .reported_fixes import RADIUS_68, Reported, from_ellipse, make_fixes
+from .reported_fixes import NO_ACCURACY, RADIUS_68, Reported, from_ellipse, make_fixes
 from .vehicle import ROLES
 from .wheel_counters import Reversing, wheel_counts, wheel_speeds
 
@@ -71,14 +71,14 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
             own.pop("speed")
         elif "bearing" in own and "speed" not in own:
             notes.append("bearings not used: without a speed it is unknown whether they are valid")
-        fixes = make_fixes(reported(own), settings, skipped)
+        fixes = make_fixes(reported(own, skipped), settings, skipped)
     return Drive("", fixes, odometry, notes=tuple(notes), gyro=gyro)
 
 
-def reported(columns: Columns) -> Reported:
+def reported(columns: Columns, skipped: Skipped) -> Reported:
     """Fixes from columns, by the most exact of their covariances."""
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is counted as no covariance
-        ee, en, nn = _covariance(columns)
+        ee, en, nn = _covariance(columns, skipped)
     return Reported(
         time=columns["time"],
         lat_deg=columns["lat"],
@@ -92,7 +92,9 @@ def reported(columns: Columns) -> Reported:
     )
 
 
-def _covariance(columns: Columns) -> tuple[Array | None, Array | None, Array | None]:
+def _covariance(
+    columns: Columns, skipped: Skipped
+) -> tuple[Array | None, Array | None, Array | None]:
     """The most exact covariance that the columns give: matrix, ellipse, then circle."""
     get = columns.get
     ee, en, nn = get("cov_ee"), get("cov_en"), get("cov_nn")
@@ -110,8 +112,10 @@ def _covariance(columns: Columns) -> tuple[Array | None, Array | None, Array | N
     if circle is None:
         return None, None, None
     # zero or less is what receivers write for unknown: a HDOP is used instead, or it is counted
-    unknown = np.nan if "hdop" in columns else -1.0
-    variance = np.where(circle <= 0, unknown, circle**2)
+    unknown = circle <= 0
+    if "hdop" not in columns:
+        keep(~unknown, NO_ACCURACY, skipped)
+    variance = np.where(unknown, np.nan, circle**2)
     return variance, np.zeros(len(circle)), variance
 
 

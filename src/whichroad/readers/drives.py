@@ -100,6 +100,11 @@ def read_drive(
         ReadError: A file could not be understood and may not be skipped, holds nothing that
             locates a vehicle, or the files share no time.
     """
+    if hasattr(paths, "columns") or isinstance(paths, Mapping):
+        raise ReadError(
+            f"drive: a {type(paths).__name__} in memory was given; paths of files were expected; "
+            "give it to whichroad.match, which takes tables too"
+        )
     paths = [paths] if is_file(paths) else list(paths)
     vehicle = vehicle_beside(paths) if vehicle is None else vehicle
     reading = Reading.of(vehicle, settings, crs=crs, id=id, columns=columns, tz=tz, dates=dates)

@@ -4,12 +4,27 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ..errors import SettingError
 from ..settings import Settings, Vehicle
 from .dates import Writing
 from .names import SENSED, quantity_of
 
 if TYPE_CHECKING:
     from .table_units import Units
+
+
+def own_columns(columns: Any) -> dict[str, str | int]:
+    """A caller's own names of columns, by the documented names.
+
+    Raises:
+        SettingError: They are no mapping.
+    """
+    if columns is not None and not isinstance(columns, Mapping):
+        raise SettingError(
+            f"columns is {columns!r}; documented names and the columns that they stand for were "
+            'expected, as a dict; give columns={"time": "ts"}'
+        )
+    return dict(columns or {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +50,7 @@ class Reading:
         cls, vehicle: Vehicle | None = None, settings: Settings | None = None, **more: Any
     ) -> "Reading":
         """The same from arguments of which None stands for the default."""
-        own = dict(more.get("columns") or {})
+        own = own_columns(more.get("columns"))
         if more.get("id") is not None:
             own = {k: v for k, v in own.items() if k != "drive_id"} | {"drive_id": more["id"]}
         for alias in (alias for alias in own if not alias.startswith(SENSED)):

@@ -102,7 +102,7 @@ def batched_fixes(
     if not regular.all():
         rows = np.repeat(regular, np.diff(first, append=len(time)))
         columns = {quantity: values[rows] for quantity, values in columns.items()}
-    fixes = completed(reported(columns), settings, skipped)
+    fixes = completed(reported(columns, skipped), settings, skipped)
     return None if skipped else RegularTrips(fixes, regular, notes)
 
 

@@ -27,6 +27,7 @@ IMPOSSIBLE = "impossible position"
 NO_HDOP = "HDOP of 99, 99.9 or 99.99 (taken as unknown)"
 NO_SPEED = "negative receiver speed (ignored)"
 NO_COURSE = "course of -1 (ignored)"
+NO_ACCURACY = "accuracy or sigma of 0 or less (settings' default used)"
 NOT_A_COVARIANCE = "covariance not positive definite (settings' default used)"
 
 
