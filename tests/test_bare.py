@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-NOT_IN_ALL = {"jit", "ros", "openlr", "mf4", "spark", "compass"}
+NOT_IN_ALL = {"explore", "jit", "ros", "openlr", "mf4", "spark", "compass"}
 NOT_FOR_RUNNING = {"dev", "docs", "tools", "worlds"}
 MODULES = {  # of requirements that bring others than the one of their own name
     "geopandas": {"geopandas", "pandas", "pyogrio"}, "pyserial": {"serial"},

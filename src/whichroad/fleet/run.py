@@ -272,9 +272,7 @@ def _column_units(task: Task, units: list[Unit]) -> KnownUnits:
         task.vehicle, task.settings, crs=task.crs, columns=own, tz=task.tz, dates=task.dates
     )
     rows = (batch for unit in units for batch in batches_of(unit, task.trip_id, own))
-    trips = ordered_batches(
-        rows, task.trip_id, split=task.split, own=own, written=reading.written
-    )
+    trips = ordered_batches(rows, task.trip_id, split=task.split, own=own, written=reading.written)
     return first_units(trips, reading)
 
 
