@@ -219,6 +219,34 @@ def test_a_fix_more_than_a_second_late_is_refused_and_counted():
     assert online.skipped == {"late": 1}
 
 
+@pytest.mark.parametrize("by", [-8.0, 86400.0])
+@pytest.mark.parametrize("sensors", ["wheels and fixes", "fixes"])
+def test_a_clock_that_was_set_back_or_one_wrong_time_is_outlived(by: float, sensors: str):
+    """All clocks go back by 8 s; or one fix is stamped a day later, and the others are not."""
+    online = driven_to(100)
+    begin = STRAIGHT.time[101]
+    if by > 0.0:
+        online.update(town_fix(STRAIGHT.x[100], -1.75, begin + by))
+    for k in range(101, 200):
+        time = STRAIGHT.time[k] + min(by, 0.0)
+        if sensors != "fixes":
+            online.update(SpeedYaw(time, 10.0, 0.0))
+        if k % 10 == 0:
+            estimate = online.update(town_fix(STRAIGHT.x[k], -1.75, time))
+    assert online.skipped["clock set back: started anew"] == 1
+    assert estimate.answered
+    assert estimate.time == pytest.approx(time, abs=1.0)
+    assert estimate.status in ("on_road", "ambiguous")
+
+
+def test_an_old_reading_among_others_begins_nothing_anew():
+    online = driven_to(100)
+    for k in range(101, 150):
+        online.update(town_fix(STRAIGHT.x[k], -1.75, STRAIGHT.time[k]))
+        online.update(town_fix(STRAIGHT.x[k], -1.75, STRAIGHT.time[k] - 5.0))
+    assert online.skipped == {"late": 49}
+
+
 @pytest.mark.parametrize(
     ("wrong", "reason"),
     [

@@ -1,4 +1,4 @@
-"""Counters that stand still while the vehicle drives off: the level covers it until it is found."""
+"""Vehicles that are not where their odometer puts them: the level covers it until it is found."""
 
 import numpy as np
 import pytest
@@ -102,3 +102,25 @@ def test_columns_of_zeros_hold_a_vehicle_back_for_a_minute_only(mode: int, seed:
     assert (off[200:600] > 0.2).all()
     assert level[-1] < 30.0
     assert off[-1] < 0.01
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_who_turns_into_an_unmapped_street_is_not_sure_of_the_road_that_it_has_left(seed: int):
+    """By an odometer and positions alone: once 25 m away no road is declared."""
+    truth = drive_along([[0.0, -1.75], [600.0, -1.75], [600.0, 300.0]])
+    epochs = epochs_of(truth, gnss(truth, sigma=2.0, seed=seed), np.arange(0, len(truth.time), 10))
+    exceeded, _, off = beyond(truth, epochs, DISTANCE)
+    away = truth.y > 25.0
+    assert exceeded[100:].sum() <= 10
+    assert (off[away] > 0.001).all()
+    assert (off[truth.y > 100.0] > 0.5).all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_odometer_on_its_road_is_not_thought_to_have_left_it(seed: int):
+    truth = drive_along([[0.0, -1.75], [1500.0, -1.75]])
+    epochs = epochs_of(truth, gnss(truth, sigma=3.0, seed=seed), np.arange(0, len(truth.time), 10))
+    exceeded, level, off = beyond(truth, epochs, DISTANCE)
+    assert not exceeded[100:].any()
+    assert (off[300:] < 0.01).all()
+    assert level[-1] < 20.0

@@ -56,3 +56,15 @@ def test_a_counter_that_jumps_back_once_turns_nobody_about():
     epochs.arc[len(road.time) // 2] = epochs.forward[len(road.time) // 2] = -100.0
     said = localize(ROADS, epochs).output.rows
     assert len(np.unique(said.edge[50:])) == 1
+
+
+def test_who_has_driven_forwards_may_back_up_for_long():
+    """400 m forwards, 250 m back at a walk: its sign is known."""
+    road = drive_along([[500.0, -1.75], [900.0, -1.75]])
+    back = drive_along([[900.0, -1.75], [650.0, -1.75]])
+    time = np.concatenate([road.time, road.time[-1] + 1.0 + 4.0 * (back.time - back.time[0])])
+    both = Truth(time, *(np.concatenate(pair) for pair in zip(road[1:], back[1:], strict=True)))
+    epochs = epochs_of(both, gnss(both, sigma=2.0, seed=1), np.arange(0, len(time), 10))
+    about(epochs, slice(len(road.time) + 1, None))
+    said = localize(ROADS, epochs).output.rows
+    assert len(np.unique(said.edge[50:])) == 1

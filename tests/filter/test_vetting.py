@@ -41,7 +41,7 @@ class Drive:
         self.course = heading + random.normal(0.0, 0.03, n)
         self.odometer, self.turn = self.speed.copy(), self.rate.copy()
         self.columns = True  # whether the receiver tells speed and course
-        self.every = 1  # s between fixes
+        self.every, self.sigma = 1, 3.0  # s between fixes, and m that they report
         self.valid = np.ones(n, bool)
 
     def vetted(self, sensors: int = WHEELS) -> Record:
@@ -60,7 +60,7 @@ class Drive:
             epoch.forward, epoch.left = arc_chord(epoch.arc, epoch.turn)
             epoch.odometry_valid = self.valid[k] and sensors != CLOCK
             epoch.has_fix = k % (self.every * RATE) == 0
-            epoch.fix[:] = [*self.fix[k], 3.0, 3.0, 0.0]
+            epoch.fix[:] = [*self.fix[k], self.sigma, self.sigma, 0.0]
             epoch.speed, epoch.course = self.told_speed[k], self.course[k]
             told = self.columns and self.speed[k] > 1.0
             epoch.speed_sigma = 0.2 if self.columns else np.inf
@@ -268,6 +268,14 @@ def test_counters_that_stand_are_withheld_after_three_sparse_fixes(every: int):
     assert names(vetting) == ["odometry: stands still"]
 
 
+def test_loops_between_fixes_a_minute_apart_cost_the_odometry_nothing():
+    """It drives 700 m in each minute, and is 100 m from where it was."""
+    drive = Drive(seconds=480)
+    drive.columns, drive.every = False, 60
+    drive.fix = np.column_stack([drive.time / 60.0 * 100.0, np.zeros(len(drive.time))])
+    assert withheld(drive.vetted()) == set()
+
+
 def test_sparse_fixes_that_are_far_away_cost_a_standing_vehicle_nothing():
     drive = Drive(seconds=300, speed=0.0)
     drive.every = 10
@@ -327,6 +335,33 @@ def test_one_impossible_speed_is_passed_over():
     vetting = drive.vetted(CLOCK)
     assert withheld(vetting) == set()
     assert vetting.windows.speed == pytest.approx(12.0, abs=1.0)
+
+
+@pytest.mark.parametrize("every", [1, 5])
+@pytest.mark.parametrize("seed", range(3))
+def test_coarse_fixes_cost_the_odometry_nothing(seed: int, every: int):
+    """Their sigma of 40 m is told, and true."""
+    drive = Drive(seed)
+    drive.columns, drive.every, drive.sigma = False, every, 40.0
+    random = np.random.default_rng(seed)
+    drive.fix = np.column_stack([drive.x, drive.y]) + random.normal(0.0, 40.0, drive.fix.shape)
+    vetting = drive.vetted()
+    assert withheld(vetting) == set()
+    assert vetting.seconds.sum() == 0.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_who_drives_back_where_it_came_from_turns_as_its_odometry_does(seed: int):
+    """Backwards, or having turned on the spot: neither turn has a sign."""
+    drive = Drive(seed)
+    drive.columns = False
+    back = slice(AT, None)
+    drive.odometer[back] *= -1.0
+    drive.turn[:] = 0.0
+    straight = np.cumsum(drive.odometer) / RATE
+    drive.fix = np.column_stack([straight, np.zeros(len(straight))])
+    drive.fix += np.random.default_rng(seed).normal(0.0, 0.7, drive.fix.shape)
+    assert TURN not in withheld(drive.vetted())
 
 
 def test_a_receiver_that_jumps_costs_the_odometry_nothing():

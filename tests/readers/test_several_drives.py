@@ -267,7 +267,9 @@ def test_a_yaw_rate_that_finds_no_odometry_is_noted(tmp_path, street):
     (drive,) = read_drive(paths, columns=own)
     assert drive.odometry is None
     assert "yaw rate not used: a speed beside it was expected, or an odometer" in drive.notes
-    with pytest.raises(DriveError, match=r"^yaw rate not used.*; gyro: it holds neither fixes nor odometry; "):
+    with pytest.raises(
+        DriveError, match=r"^yaw rate not used.*; gyro: it holds neither fixes nor odometry; "
+    ):
         whichroad.match(paths[1], street, columns=own)
     turned = pd.DataFrame({"time": T0 + np.arange(N), "speed": 10.0, "yaw_rate_radps": 0.0})
     paths = files(tmp_path, fixes=going(), gyro=turning(), turned=turned)

@@ -39,18 +39,18 @@ from .estimates import Estimate
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 from .looks_back import LooksBack
 from .one_odometry import SECOND, is_worse
+from .pauses import LateReadings, Pauses
 from .sensing import Sensing
 from .watched import Watched
 
-_LATE = 1.0  # s; an observation later than this is refused
+_LATE = 1.0  # s; a fix later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
 _BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
-_LEAST_SPEED, _OF_SPEED = 0.5, 0.3  # m/s taken up unseen, and share of the way that is unsure
 
 
-class Localizer(LooksBack, Watched):
+class Localizer(LooksBack, Watched, Pauses):
     """The on-line filter: one observation in, one estimate out.
 
     Example:
@@ -107,6 +107,7 @@ class Localizer(LooksBack, Watched):
         self._start = check_start(StartPose.of(start), self.roads)
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
         self._statistics = ConsistencyStatistics(self.settings, self.vehicle)
+        self._late = LateReadings()
         self._map = ""  # fingerprint of the map, once it was asked for
 
     def __getstate__(self) -> dict[str, Any]:
@@ -116,7 +117,9 @@ class Localizer(LooksBack, Watched):
         """Take one observation and say where the vehicle is.
 
         A fix that is up to a second late is moved along with the vehicle; an older
-        observation, and one that cannot be, is refused and counted in `skipped`.
+        observation, and one that cannot be, is refused and counted in `skipped`.  Where
+        nothing but older ones has come for two seconds, the clock was set back, or the last
+        time was wrong: it begins anew, which is counted too.
 
         Args:
             observation: A fix or an odometry reading; times in seconds, one clock.
@@ -145,12 +148,10 @@ class Localizer(LooksBack, Watched):
         if isinstance(possible, YawRate):
             rate = true_rate(possible.yaw_rate, self.vehicle)
             return self._take_yaw_rate(replace(possible, yaw_rate=rate))
-        late = self._filter.time - possible.time
-        if late > (_LATE if isinstance(possible, GeoFix) else 0.0) and self._filter.started:
-            self.skipped["late"] = self.skipped.get("late", 0) + 1
+        if not self._in_order(possible.time, _LATE if isinstance(possible, GeoFix) else 0.0):
             return False
         if isinstance(possible, GeoFix):
-            self._take_fix(possible, max(late, 0.0))
+            self._take_fix(possible, max(self._filter.time - possible.time, 0.0))
         elif isinstance(possible, SensorReading):
             return self._take_sensed(possible)
         elif not self._take_odometry(possible):
@@ -373,27 +374,12 @@ class Localizer(LooksBack, Watched):
             self._past.forget_after(state.time, now.belief)
         self._statistics.forget_after(state.watched)
 
-    def wake(self, time: float) -> None:
-        """Go on after a pause of which nothing is known, less sure by what it may have brought.
-
-        The vehicle goes on at the speed that was, through the roads that may follow; its place
-        along the heading becomes uncertain by a share of that way.  Odometer readings before
-        are forgotten: the next one is the first.
-
-        Args:
-            time: When it wakes up, s.
-        """
-        now = self._filter
-        age = time - now.time
-        if age <= 0.0 or not now.started:
-            return
-        speed, turn = self._rate if self._rate[0] else (now.speed, 0.0)
-        now.fill(time, speed * age, turn * min(age, _TURNING), 0)
-        self._run()
-        now.widen_along((_OF_SPEED * abs(speed) + _LEAST_SPEED) * age)
-        self._reading, self._odometer, self._began = None, None, None
-        now.fill(time, 0.0, 0.0, 0)
-        self._run()
+    def _blank(self) -> State:
+        """The state before anything was observed."""
+        return Localizer(
+            self.roads, vehicle=self.vehicle, settings=self.settings, lag=self.lag,
+            sensors=self.sensors,
+        ).state()  # fmt: skip
 
     def _fingerprint(self) -> str:
         self._map = self._map or fingerprint(self.roads)

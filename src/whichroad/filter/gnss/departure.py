@@ -1,14 +1,16 @@
-"""Fixes that leave a vehicle whose odometer stands: either the receiver drifts, or it drives.
+"""Fixes that leave a vehicle: either the receiver errs, or it is no longer where it seems.
 
 Counters that stand still while the vehicle drives off look like a stop.  Until fixes and odometer
 have been compared for long enough, the level covers the place of the fixes, too, and how far the
-vehicle has come since the last one.
+vehicle has come since the last one.  Where nothing but positions and a distance is measured, who
+turns round or into a street that the map lacks is followed along the road that was left.  The same
+holds there.
 """
 
 import math
 
 from ..._compile import Record, Vector, kernel
-from ..state import Belief, X, Y, heaviest
+from ..state import DISTANCE, Belief, X, Y, heaviest
 from ..vetting.motion_sources import SPEED
 from .position import NU0, NU1, Axes
 from .separation import cover_place
@@ -23,6 +25,8 @@ _LATE = 3.0  # s by which receivers' speeds may be late
 _SOFT = 1.5  # times: squared distances over their variances
 _RECENT = 5.0  # s, the age of a fix up to which it is covered
 _FASTEST = 30.0  # m/s
+_USUAL = 15.0  # s over which the error of a receiver is taken that the vehicle has not left
+_MOVES = -math.inf  # in place of when it came to rest
 
 
 @kernel
@@ -63,6 +67,8 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
     state = belief.state[0]
     left = state.separation.departure
     if state.standing <= 0.0:
+        if is_followed_blindly(state, epoch):
+            _note_stray(belief, epoch, axes)
         return
     fix = epoch.fix
     since = epoch.time - state.standing
@@ -95,6 +101,63 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
 
 
 @kernel
+def is_followed_blindly(state: Record, epoch: Record) -> bool:
+    """Whether a distance and positions are all that is measured of a vehicle."""
+    silent = epoch.speed_sigma == math.inf and epoch.course_sigma == math.inf
+    return bool(state.mode == DISTANCE and silent)
+
+
+@kernel
+def _note_stray(belief: Belief, epoch: Record, axes: Axes) -> None:
+    """Where a fix of a moving vehicle is, and P(the vehicle is there), as where it stands.
+
+    The receiver's error is what fixes differ from the belief by, on average over 15 s.
+    """
+    state = belief.state[0]
+    left = state.separation.departure
+    hyp = belief.hyp[heaviest(belief)]
+    fix = epoch.fix
+    along = hyp.scratch[NU0]
+    aside = hyp.scratch[NU1]
+    dx = axes.c * along - axes.s * aside  # to the fix, less the error that the belief expects
+    dy = axes.s * along + axes.c * aside
+    ex = fix[0] - hyp.mu[X] - state.scale * dx
+    ey = fix[1] - hyp.mu[Y] - state.scale * dy
+    since = epoch.time - left.time
+    keep = math.exp(-since / _USUAL)
+    if left.since != _MOVES or since > _USUAL:
+        keep = 0.0
+    left.since = _MOVES
+    left.time = epoch.time
+    left.pace = abs(state.odometer_speed)
+    left.offset[0] = ex + keep * (left.offset[0] - ex)
+    left.offset[1] = ey + keep * (left.offset[1] - ey)
+    left.at[0] = fix[0] - left.offset[0]
+    left.at[1] = fix[1] - left.offset[1]
+    dx = (left.at[0] - hyp.mu[X]) / state.scale
+    dy = (left.at[1] - hyp.mu[Y]) / state.scale
+    left.variance = 0.5 * (hyp.cov[X, X] + hyp.cov[Y, Y])
+    left.variance += 2.0 * state.gnss_factor * fix[2] * fix[3]
+    odds = 0.5 * (dx * dx + dy * dy) / (_SOFT * left.variance)
+    left.p = 1.0 / (1.0 + math.exp(_PRIOR - odds))
+
+
+@kernel
+def p_strayed(state: Record) -> float:
+    """P(the vehicle has left what it is thought to drive on, though nothing measures turns)."""
+    left = state.separation.departure
+    if state.mode != DISTANCE or left.since != _MOVES or state.time - left.time > _RECENT:
+        return 0.0
+    return float(left.p)
+
+
+@kernel
+def p_elsewhere(state: Record) -> float:
+    """P(the vehicle is at its fixes, and not at its place by the odometer)."""
+    return max(p_departed(state), p_strayed(state))
+
+
+@kernel
 def p_departed(state: Record) -> float:
     """P(the vehicle has driven off, though its odometer stands)."""
     left = state.separation.departure
@@ -106,7 +169,7 @@ def p_departed(state: Record) -> float:
 
 @kernel
 def cover_departure(state: Record, out: Record, risk: float) -> None:
-    """Let an estimate cover where a vehicle is whose odometer stands while it drives.
+    """Let an estimate cover where the fixes are of a vehicle that may have left its place.
 
     A fix at a distance d with sigma a, the vehicle's place with the probability p, at the speed
     v and t seconds ago is covered by r = d + v t + a √(2 log(p / risk)).
@@ -117,7 +180,7 @@ def cover_departure(state: Record, out: Record, risk: float) -> None:
         risk: Of the level.
     """
     left = state.separation.departure
-    p = p_departed(state)
+    p = p_elsewhere(state)
     if p <= risk:
         return
     dx = (left.at[0] - out.x) / state.scale

@@ -19,7 +19,7 @@ from ..state import (
     normalise,
 )
 from .bias import age_receiver
-from .departure import drives, note_departure
+from .departure import drives, is_followed_blindly, note_departure, p_strayed
 from .diverging_track import follow_track, has_diverged, may_have_turned
 from .frequent_fixes import second_misfits
 from .inflation import (
@@ -66,6 +66,7 @@ _BENT = 0.12  # rad by which odometry that was never seen to turn may have turne
 _DOPPLER = 1.0  # m/s, sigma of a speed that was measured
 _TRIED = 0.9  # s between two times that the vehicle is looked for at the fix then
 _UNTRIED_SHARE = 0.2  # P(its turns were wrong) each time
+_STRAYED, _MOST_STRAYED = 0.05, 0.1  # P(it is at the fix), where no turns are measured
 _SEARCHED = 20.0  # s for which it is
 _TURNS_SHARE = 0.5  # P(the vehicle is at the fix) where turns are refused that had agreed before
 LATEST = 0.5  # share of the last interval of fixes in the usual one
@@ -221,6 +222,9 @@ def _search(
         share = _UNTRIED_SHARE
     if state.mode == WHEELS and has_diverged(belief):
         share = _TURNS_SHARE
+    strayed = p_strayed(state) if is_followed_blindly(state, epoch) else 0.0
+    if strayed > _STRAYED and epoch.time > state.restarted_at + _TRIED:
+        share = max(share, min(strayed, _MOST_STRAYED))
     if is_alone(state, par, epoch) and is_unlikely(belief, epoch.time):
         share = _RESTARTED
     if share > 0.0:

@@ -8,7 +8,7 @@ import numpy as np
 from ..._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import records
-from ..gnss.departure import cover_departure, p_departed
+from ..gnss.departure import cover_departure, p_elsewhere
 from ..gnss.separation import cover
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
@@ -183,7 +183,7 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     if state.elsewhere[0] > 0.0:
         _widen(out, state.elsewhere[0], state.elsewhere[1])
     lost = LOST_UNKNOWN if state.misfits >= _MISFITS else 0.0
-    departed = min(p_departed(state), _MOST_DEPARTED)
+    departed = min(p_elsewhere(state), _MOST_DEPARTED)
     departed = departed if departed > _LEAST_DEPARTED else 0.0
     return float(max(least, state.elsewhere[0], lost, departed, p_turned_wrong(state)))
 

@@ -8,6 +8,7 @@ from ...graph.geometry import wrap
 from .motion_sources import ARC, COURSE, SPEED, TURN, is_possible
 from .windows import (
     CLOCK,
+    COARSE,
     WHEELS,
     Courses,
     Seen,
@@ -24,6 +25,7 @@ _TRIED, _ALIKE_SUMS = (
     0.6,
 )  # the same of turns that agree in sum; and, as they never did, disagree
 _LONGER = 2.0  # times as long as legs must be, of the longer pair of them
+_ABOUT = 2.2  # rad, beyond which two turns have no sign: the vehicle drives back, or has turned
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
 _MOST, _LEAST = 6.0, -3.0  # of a score
@@ -109,6 +111,8 @@ def weigh_distances(
     rolls = sensors != CLOCK and seen.odometry
     precise = 0.3 * math.sqrt(seen.seconds) + 0.5
     vetting.pace = -1.0
+    if seen.sigma > COARSE:
+        return
     if reported and vetting.refused[SPEED] == 0:
         vetting.pace = seen.receiver / seen.seconds
     elif seen.fixes > 3.0 * seen.sigma:
@@ -308,6 +312,8 @@ def _significance(vetting: Record, turned: Turned) -> float:
 def weigh_turn(vetting: Record, turned: Turned, since: float) -> None:
     """Count one comparison for or against the odometry's turns."""
     turn, arc, unsure = turned.reckoned, turned.arc, turned.unsure
+    if abs(turn) > _ABOUT and abs(turned.others) > _ABOUT:
+        return
     vetting.reported[TURN] += turn * turn
     vetting.seen[TURN] += turn * turned.others
     squares = vetting.reported[TURN]

@@ -46,6 +46,7 @@ VETTING = np.dtype(
         ("runs", "u1"),  # 1: fixes run on beside odometry that stands
         ("outrun", "f8"),  # s for which they do so beside odometry and speeds that stand
         ("backed", "f8"),  # m by which it counts backwards (vetting.facing),
+        ("forth", "f8"),  # m that it has counted forwards,
         ("reversed", "u1"),  # 1: and is taken the other way round,
         ("turnabouts", "i8"),  # how often that was found
         ("compared", "u1"),  # 1: its distance has agreed with the fixes

@@ -18,7 +18,7 @@ _COUNTS = 2.0  # s that a leg counts for: two of them decide
 _CORRELATED, _LEAST = 0.8, 1.0  # of the reported sigmas, and m: error of a leg
 _LONG = 20.0  # m and five sigmas, of a leg that tells a direction
 _STANDS, _RUNS = 0.1, 2.0  # m/s by odometry that stands, and of fixes that do not
-_TIMES = 3.0  # the odometer's way over the distance, that is seldom driven
+_TIMES, _SOON = 3.0, 60.0  # the odometer's way over the distance, seldom driven within so many s
 
 
 class Leg(NamedTuple):
@@ -89,7 +89,7 @@ def _weigh_way(vetting: Record, leg: Leg) -> None:
     if first:
         return
     short = way < 0.8 * fixes - 4.0 * leg.sigma
-    long = way > _TIMES * fixes + 4.0 * leg.sigma + _LONG
+    long = seconds < _SOON and way > _TIMES * fixes + 4.0 * leg.sigma + _LONG
     runs = short and way < _STANDS * seconds and fixes > _RUNS * seconds
     if runs or (vetting.compared == 0 and (short or long)):
         count(vetting, ARC, _COUNTS)

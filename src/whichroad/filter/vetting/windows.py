@@ -30,6 +30,7 @@ _MOST_JITTER = 30.0  # m
 _TURNS = 3.0  # m of jitter that are the car's own, in bends and by braking
 _CORRELATED = 0.8  # of the reported sigmas: errors of fixes a few seconds apart are alike
 _LEAST = 1.0  # m
+COARSE = 30.0  # m, from which on a way by fixes tells nothing
 _OF_JITTER, _OF_WHILE, _FLOOR = 0.7, 0.15, 0.5  # of the jitter, m/s, m: errors as seen
 _SHORTEST, _LONGEST = 1.5, 15.0  # s between two anchors that are compared
 
@@ -64,7 +65,8 @@ WINDOWS = np.dtype(
         ("vy", "f8"),
         ("moves", "u1"),  # 1: these are known
         ("jumped_at", "f8"),  # s, when positions last jumped
-        ("jitter", "f8"),  # m by which fixes usually leave the line of those before
+        ("jitter", "f8"),  # m by which fixes usually leave the line of those before,
+        ("watched", "f8"),  # s for which that was seen
     ],
     align=True,
 )
@@ -179,6 +181,7 @@ def _jumps(windows: Record, vx: float, vy: float, since: float) -> bool:
     if windows.moves == 1:
         kept = math.exp(-since / _TIME_CONSTANT)
         windows.jitter = kept * windows.jitter + (1.0 - kept) * min(change, _MOST_JITTER)
+        windows.watched = min(windows.watched + since, _TIME_CONSTANT)
     if jumped:
         windows.count = 0
     windows.moves = 0 if jumped else 1
@@ -189,8 +192,10 @@ def _jumps(windows: Record, vx: float, vy: float, since: float) -> bool:
 
 @kernel
 def sigma_between(windows: Record, a: Record, b: Record) -> float:
-    """Error of the way between two anchors, m: what they report, or what is seen of it."""
+    """Error of the way between two anchors, m: what they report, or less if less is seen."""
     reported = _CORRELATED * math.sqrt(a.sigma * a.sigma + b.sigma * b.sigma) + _LEAST
+    if reported > COARSE or windows.watched < _TIME_CONSTANT:
+        return float(reported)
     seen = _OF_JITTER * windows.jitter + _OF_WHILE * (b.time - a.time) + _FLOOR
     return float(min(reported, seen))
 
