@@ -247,6 +247,16 @@ def test_an_old_reading_among_others_begins_nothing_anew():
     assert online.skipped == {"late": 49}
 
 
+def test_readings_that_were_late_before_it_was_taken_back_begin_nothing_anew():
+    online = driven_to(100)
+    state = online.state()
+    for k in (20, 30, 40):
+        if k == 40:
+            online.restore(state)
+        online.update(town_fix(STRAIGHT.x[k], -1.75, STRAIGHT.time[k]))
+    assert online.skipped == {"late": 3}
+
+
 @pytest.mark.parametrize(
     ("wrong", "reason"),
     [

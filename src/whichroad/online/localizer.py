@@ -373,6 +373,7 @@ class Localizer(LooksBack, Watched, Pauses):
                 now.belief.hyp["path_entry"][: state.count] = -1
             self._past.forget_after(state.time, now.belief)
         self._statistics.forget_after(state.watched)
+        self._late.took()
 
     def _blank(self) -> State:
         """The state before anything was observed."""
