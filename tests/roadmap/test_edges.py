@@ -296,12 +296,13 @@ def test_tags_in_one_column_are_read_as_those_of_openstreetmap(line, tmp_path, s
 def test_columns_of_their_own_win_over_a_column_of_tags(line):
     table = pandas.DataFrame({
         "wkt": [line((0, 0), (100, 0)).wkt], "id": [7], "oneway": ["no"], "speed_limit": [50],
-        "tags": [json.dumps({"oneway": "yes", "maxspeed": "30", "layer": 1})],
+        "tags": [json.dumps({"oneway": "yes", "maxspeed": "30", "layer": 1, "name": None})],
     })  # fmt: skip
     roads = RoadMap.from_edges(table)
     assert rule(roads, 7, False) == 0
     assert roads.attributes(0)["speed_limit_kmh"] == 50.0
     assert roads.attributes(0)["layer"] == 1
+    assert not roads.attributes(0)["name"]
 
 
 def test_tags_that_are_cut_short_and_a_table_without_one_ways_are_counted(line):

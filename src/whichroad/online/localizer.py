@@ -377,10 +377,12 @@ class Localizer(LooksBack, Watched, Pauses):
 
     def _blank(self) -> State:
         """The state before anything was observed."""
-        return Localizer(
+        begun = Localizer(
             self.roads, vehicle=self.vehicle, settings=self.settings, lag=self.lag,
             sensors=self.sensors,
-        ).state()  # fmt: skip
+        )  # fmt: skip
+        begun._map = self._fingerprint()
+        return begun.state()
 
     def _fingerprint(self) -> str:
         self._map = self._map or fingerprint(self.roads)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..observations import Array
 from .checks import LAST, Bools, Ints, as_time_passes
-from .drive_columns import Columns
+from .drive_columns import MOTION, Columns
 from .names import SENSED
 from .reported_fixes import is_place
 from .table_drives import Trip
@@ -23,12 +23,6 @@ _EVEN = 0.8  # share of times that have about as many rows as the middle one
 _ABOUT = 0.25  # of that number, by which others may differ, or by one row
 _FEWEST = 5  # times whose rows are seen to lead on
 _MOVED = 5.0  # m from one time to the next, beyond the noise of fixes
-_MOTION = frozenset(
-    (
-        *("speed", "yaw_rate", "odometer", "wheel_rl", "wheel_rr"),
-        *("wheel_rl_ticks", "wheel_rr_ticks"),
-    )
-)
 
 
 def spread(columns: Columns, trips: Sequence[Trip]) -> dict[str, str]:
@@ -66,7 +60,7 @@ def _spread(columns: Columns, rows: Ints) -> str | None:
         return None
     first = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0.0)
     unit = _unit_of(time, first)
-    sensed = [q for q in columns if q in _MOTION or q.startswith(SENSED)]
+    sensed = [q for q in columns if q in MOTION or q.startswith(SENSED)]
     others = any(np.isfinite(columns[q][rows][~placed]).any() for q in sensed)
     if unit is None or others or not _lead_on(time, lat, lon, first, _UNITS[unit]):
         return (

@@ -25,9 +25,8 @@ from .wheel_counters import Reversing, wheel_counts, wheel_speeds
 
 Beside = Odometer | WheelCounts | WheelSpeeds  # what has a gyro beside it
 Columns = dict[str, Array]  # SI (degrees for angles of position), NaN where a cell is empty
-_MOTION = frozenset(
-    ("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks", "yaw_rate"),
-)
+WHEELS = frozenset(("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks"))
+MOTION = WHEELS | {"odometer", "speed", "yaw_rate"}  # what may tell how a vehicle moves
 _USED: dict[type, frozenset[str]] = {
     WheelCounts: frozenset(("wheel_rl_ticks", "wheel_rr_ticks")),
     WheelSpeeds: frozenset(("wheel_rl", "wheel_rr")),
@@ -179,7 +178,7 @@ def unused(has: Set[str], odometry: OdometryLog | None) -> list[str]:
     used = _USED.get(type(odometry), frozenset())
     if isinstance(odometry, WithGyro):
         used |= _USED.get(type(odometry.distance), frozenset())
-    left = sorted((has & _MOTION) - used)
+    left = sorted((has & (WHEELS | {"yaw_rate"})) - used)
     if not left:
         return []
     if isinstance(odometry, Odometer) and left == ["yaw_rate"]:

@@ -22,7 +22,7 @@ from .clock_change import put_apart
 from .coarse_times import spread
 from .csv_text import no_column
 from .dates import taken_as_utc
-from .drive_columns import Columns, drive_of
+from .drive_columns import MOTION, WHEELS, Columns, drive_of
 from .gears import reversing
 from .geometries import places_of, unproject
 from .gpx import read_gpx
@@ -37,8 +37,6 @@ from .table_units import Units, check_motion, in_seconds, units_of
 from .tables_in_memory import frames_of, in_memory, is_gpx
 from .without_times import invented_times
 
-_WHEELS = frozenset(("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks"))
-_MOTION = _WHEELS | {"yaw_rate", "odometer"}
 _NO_VALUES = ("time", "date", "gear", "drive_id", "vehicle_id", "row_id", "geometry",
               "north_south", "east_west")  # fmt: skip
 _IN_1E7 = "where they are in 1e-7 degrees, give them by --columns lat_e7=...,lon_e7=... (columns=)"
@@ -245,11 +243,13 @@ def _values(seen: Seen, skipped: Skipped, notes: list[str]) -> Columns:
             cells = strings(seen.table.column(seen.found[letters].place))
             south = np.array([(cell or "").strip().upper() == negative for cell in cells])
             columns[quantity] = np.where(south, -np.abs(columns[quantity]), columns[quantity])
-    if "gear" in seen.found and "reverse" not in columns and columns.keys() & _WHEELS:
+    if "gear" in seen.found and "reverse" not in columns and columns.keys() & WHEELS:
         gear = seen.found["gear"]
         cells = strings(seen.table.column(gear.place))
         columns["reverse"] = reversing(cells, gear.name, notes)
-    empty = [name for name in _MOTION & columns.keys() if np.isnan(columns[name]).all()]
+    empty = [
+        name for name in (MOTION - {"speed"}) & columns.keys() if np.isnan(columns[name]).all()
+    ]
     return {name: values for name, values in columns.items() if name not in empty}
 
 
@@ -318,7 +318,7 @@ def _check_places(columns: Columns, seen: Seen, where: str) -> None:
     """Raise where no place of a table can be understood, and nothing else is in it."""
     if not {"lat", "lon"} <= columns.keys() & seen.found.keys():
         return
-    others = [q for q in columns if q in _MOTION or q == "speed" or q.startswith(SENSED)]
+    others = [q for q in columns if q in MOTION or q.startswith(SENSED)]
     lat, lon = columns["lat"], columns["lon"]
     if is_place(lat, lon).any() or any(np.isfinite(columns[q]).any() for q in others):
         return

@@ -8,14 +8,12 @@ from typing import Any, NamedTuple
 from ..errors import ReadError
 from ..observations import Drive
 from .combining import Part
+from .drive_columns import MOTION
 from .formats import kind_of_path
 from .reading import Reading
 from .source import Source
 from .table_files import table_of
 
-_MOTION = frozenset(
-    ("wheel_rl", "wheel_rr", "wheel_rl_ticks", "wheel_rr_ticks", "odometer", "speed", "yaw_rate")
-)
 _PLACES = frozenset(("lat", "lon", "x", "y", "geometry"))
 
 
@@ -67,4 +65,4 @@ def _moves(file: Any, reading: Reading) -> bool:
         has = table_of(Source.of(file), Counter(), reading).found.keys()
     except ReadError:
         return False
-    return bool(has & _MOTION) and not has & _PLACES
+    return bool(has & MOTION) and not has & _PLACES

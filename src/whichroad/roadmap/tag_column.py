@@ -35,7 +35,8 @@ def _read(text: str) -> tuple[Tags, bool]:
     """The tags of a text, and whether it was understood to its end."""
     if text.startswith("{"):
         try:
-            return {key: str(value) for key, value in json.loads(text).items()}, True
+            found = json.loads(text).items()
+            return {key: str(value) for key, value in found if value is not None}, True
         except ValueError:
             return {}, False
     tags: Tags = {}
