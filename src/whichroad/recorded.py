@@ -34,7 +34,7 @@ from .filter.step import run
 from .filter.summary.estimate import Output, new_output
 from .filter.vetting.latency import assume_delay
 from .geodesy.angles import heading_of, radians
-from .global_start import is_vague, search, start_at
+from .global_start import is_vague, search, start_at, start_of_coarse_fix
 from .lookback.path import Chain, best_chain, heaviest_chain, tidied
 from .lookback.smoothing import Lag, Past, entries_in_use, smooth
 from .observations import StartPose
@@ -234,6 +234,14 @@ def begin(
     """
     if timeline.late > 0.0:
         assume_delay(belief.state[0].vetting.latency, timeline.late)
+    if start is None and (coarse := start_of_coarse_fix(roads, timeline)) is not None:
+        try:
+            return search(
+                roads, timeline, belief, output, vehicle=vehicle, settings=settings, start=coarse,
+                progress=progress,
+            )  # fmt: skip
+        except DriveError:  # no road is near, or they are too many: as any other fix
+            return 0, path
     if is_vague(start, timeline.mode):
         return search(
             roads, timeline, belief, output, vehicle=vehicle, settings=settings,

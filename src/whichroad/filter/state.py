@@ -139,6 +139,7 @@ FILTER = np.dtype(
         ("standing", "f8"),  # s of standing until now
         ("last_fix", "f8"),  # time of the last fix, s
         ("fix_interval", "f8"),  # usual interval of fixes, s
+        ("finest", "f8"),  # least sigma of fixes since the start, m; 0: it was none of a fix
         ("misfits", "f8"),  # fixes in a row that fit no hypothesis
         ("heard", "f8", (2,)),  # time of the last fix or measured odometry; usual interval, s
         ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), until a fix; how far, m

@@ -8,7 +8,7 @@ One more hypothesis, off the mapped roads, is as wide as the region of the searc
 vehicle may return to any road, so where nothing fits the search begins again.
 """
 
-from .pose import initial_state, start_at
+from .pose import initial_state, start_at, start_of_coarse_fix
 from .prior import Components, prior_components
 from .search import MAP, is_vague, search
 
@@ -20,4 +20,5 @@ __all__ = [
     "prior_components",
     "search",
     "start_at",
+    "start_of_coarse_fix",
 ]

@@ -1,9 +1,10 @@
-"""A start from a given pose."""
+"""A start from a given pose, or roughly from a coarse fix."""
 
 import math
 
 import numpy as np
 
+from ..epochs import Timeline
 from ..filter.hypotheses.births import Start, cold_start
 from ..filter.hypotheses.reduction import reduce
 from ..filter.state import CLOCK, GX, GY, WHEELS, Belief, Context, Path, normalise
@@ -12,10 +13,26 @@ from ..graph.network import plane_scale
 from ..observations import StartPose
 from ..roadmap import RoadMap
 from ..settings import Settings
+from .steps import fine_fixes
 
 _BLIND_SPEED, _BLIND_SPEED_SIGMA = 6.0, 8.0  # m/s, at a start without odometry
 _WHITE = 0.01  # white sigma of a pose over the one given
 _MISTAKEN = 0.02  # probability that the bearing of a given pose is any other one
+
+
+def start_of_coarse_fix(roads: RoadMap, timeline: Timeline) -> StartPose | None:
+    """Where to search for a vehicle whose drive begins with coarse fixes; None: it need not be.
+
+    A town has more roads about such a fix than the ordinary belief holds.
+    """
+    epochs = timeline.epochs
+    fixes, fine = np.flatnonzero(epochs.has_fix), fine_fixes(epochs)
+    if timeline.mode != WHEELS or not len(fixes) or fixes[0] in fine[:1]:
+        return None
+    x, y, sigma = (float(value) for value in epochs.fix[fixes[0], :3])
+    sigma = math.hypot(sigma, float(np.abs(epochs.arc[: fixes[0] + 1]).sum()))
+    lat, lon = roads.plane.to_geodetic(x, y)
+    return StartPose(lat, lon, 0.0, sigma, 180.0)
 
 
 def initial_state(belief: Belief, time: float, settings: Settings) -> None:

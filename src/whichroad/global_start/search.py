@@ -44,7 +44,7 @@ from . import elsewhere
 from .answers import recentre, repeat
 from .pose import initial_state
 from .prior import DROP, KNOWN_BEARING, prior_components
-from .steps import Step, steps
+from .steps import COARSE, Step, fine_fixes, steps
 
 MAP = "map"
 """The start that is anywhere on the map."""
@@ -59,7 +59,6 @@ _LANE, _LANE_LENGTH = 1.5, 60.0  # m; one evasion must not lose to 100,000 other
 _PROBATION = 500.0  # m for which the left-out weight must have been small
 _AGAIN = 25.0  # m until off-road hypotheses may first return to any road
 _LESS_OFTEN = 1.1  # growth of that distance from one return to the next
-_NEAR = 40.0  # m; a pose of a smaller sigma needs no search
 _FITS = 25.0  # chi-square of a fix that a hypothesis can explain
 _YARD, _ELSEWHERE, _OFF = 0, 1, 2  # rows of what is off the roads, the first; how many
 
@@ -67,7 +66,7 @@ _YARD, _ELSEWHERE, _OFF = 0, 1, 2  # rows of what is off the roads, the first; h
 def is_vague(start: StartPose | str | None, mode: int) -> bool:
     """Whether a start must be searched for on the map."""
     if isinstance(start, StartPose):
-        vague = start.sigma_m > _NEAR or start.sigma_bearing_deg > KNOWN_BEARING
+        vague = start.sigma_m > COARSE or start.sigma_bearing_deg > KNOWN_BEARING
         return mode == WHEELS and vague
     return start == MAP
 
@@ -363,7 +362,7 @@ def search(
     time = epochs.time
     n = len(epochs)
     mixture = _Search(roads, vehicle, settings, start, timeline)
-    if epochs.has_fix[0]:
+    if 0 in fine_fixes(epochs)[:1]:
         return _meet_fix(mixture, belief, epochs, 0)
     mixture.hear(epochs[:1])
     mixture.summarise(output, 0)

@@ -5,9 +5,12 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._compile import Records
 from ..filter.motion import arc_chord
+
+COARSE = 40.0  # m; a fix or pose of a larger sigma says too little to start from
 
 _LONGEST = 6.0  # m, longest step of the prediction
 
@@ -25,8 +28,13 @@ class Step(NamedTuple):
     measured: bool
 
 
+def fine_fixes(epochs: Records) -> NDArray[np.int64]:
+    """Epochs with fixes that a search ends at."""
+    return np.flatnonzero((epochs.has_fix == 1) & (epochs.fix[:, 2] <= COARSE))
+
+
 def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
-    """Join epochs, or cut them, to steps, up to the first fix.
+    """Join epochs, or cut them, to steps, up to the first fix that is not coarse.
 
     Args:
         epochs: The drive, (n,) EPOCH.
@@ -39,7 +47,7 @@ def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
     forwards, lefts = epochs.forward, epochs.left
     x = y = turn = arc = metres = 0.0
     measured = True
-    fixes = np.flatnonzero(epochs.has_fix)
+    fixes = fine_fixes(epochs)
     last = int(fixes[0]) if len(fixes) else len(epochs)
     for k in range(1, last):
         parts = max(1, math.ceil(abs(arcs[k]) / _LONGEST))

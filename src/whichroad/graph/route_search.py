@@ -27,7 +27,7 @@ USUAL_SPEED = 12.0  # m/s, of a street on which a metre costs a metre
 MIN_FACTOR, MAX_FACTOR = 0.75, 2.0  # cost of a metre on the fastest and the slowest roads
 
 _PER_NAT, _MAX_NATS = 2.0**30, 2.0**18  # resolution and limit of keys in the queue
-_TIME_SHARE = 0.6  # share of the time in the cost of an edge; the rest is its length
+TIME_SHARE = 0.6  # share of the time in the cost of an edge; the rest is its length
 _LEAST_PRIOR = 1e-12  # probability of a turn
 _ROUNDING = 0.1  # m, of the ends of edges, which are float32
 _RIVAL_WORTH = 4.0  # nats that a rival way to an edge may cost more than the cheapest
@@ -61,7 +61,7 @@ def edge_costs(edges: Records, vertices: Records) -> None:
     """
     end, length = edges["last_vertex"], edges["length"]
     speed = np.maximum(edges["speed"].astype(np.float64), 1.0)
-    factor = np.clip(1.0 + _TIME_SHARE * (USUAL_SPEED / speed - 1.0), MIN_FACTOR, MAX_FACTOR)
+    factor = np.clip(1.0 + TIME_SHARE * (USUAL_SPEED / speed - 1.0), MIN_FACTOR, MAX_FACTOR)
     edges["end_x"] = vertices["x"][end]
     edges["end_y"] = vertices["y"][end]
     edges["route_length"] = length

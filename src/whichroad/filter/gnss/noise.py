@@ -27,7 +27,8 @@ _MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expe
 _SECOND = 0.95  # s; fixes that come sooner say of the receiver what the one before has said
 _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
 _LONG = 10.0  # s of standing, from which on the error is taken to stand as well
-_SPIKE = 9.0  # cap of one fix's reported variance over the smoothed one
+_SPIKE = 9.0  # cap of one fix's reported variance over the smoothed one,
+_FINER = 1.0 / 9.0  # and of the smoothed one over its: fixes are of another kind from then on
 _PLAY = 1.015  # ratio of bias scales up to which the one in use stays as it is
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the bias
 _PRIOR_TIME = 5.0  # prior weight of the factor, in s of fixes
@@ -102,6 +103,8 @@ def _smooth_covariance(state: Record, fix: Vector, factor: float, interval: floa
     if interval >= 0.0:
         new = 1.0 - math.exp(-interval / _SMOOTHING)
         wider = (xx + yy) / (_SPIKE * (cov[0] + cov[2]))
+        if xx + yy < _FINER * (cov[0] + cov[2]):
+            new = 1.0
         if wider > 1.0:  # one fix with a large sigma says little of the next ones
             xx /= wider
             xy /= wider

@@ -11,6 +11,9 @@ from .noise import update_root
 from .position import has_course
 from .sides import keep_bias
 
+_COARSE = 30.0  # m, sigma of a fix about which the roads of a town are too many to follow them all
+_FINER = 3.0  # times
+
 
 @kernel
 def _calibration(state: Record, par: Record, epoch: Record) -> tuple[float, float, float, float]:
@@ -71,6 +74,13 @@ def forget_factor(belief: Belief, par: Record, epoch: Record) -> None:
     keep_bias(belief, math.sqrt(before / state.gnss_factor))
 
 
+@kernel
+def is_far_finer(state: Record, epoch: Record) -> bool:
+    """Whether a fix is so much finer than all since a coarse start that it had better begin."""
+    finer = state.finest > _COARSE and epoch.fix[2] * _FINER < state.finest
+    return bool(epoch.has_fix and finer)
+
+
 @kernel(inline=True)
 def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> bool:
     """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
@@ -88,6 +98,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     state.since_fix = 0.0
     state.unmeasured = 0.0
     state.last_fix = epoch.time
+    state.finest = epoch.fix[2]
     state.factor_time = epoch.time
     state.unlearnt = 0.0
     state.on_road_at = epoch.time

@@ -130,7 +130,7 @@ def predict_link(model: Record, history: History, path: Path, ctx: Context, link
     _propagate(model)
     if not known:
         _forget_position(model, history, link.j)
-    _inflate_strange(model, history.states[link.j].mu)
+    inflate_strange(model, history.states[link.j].mu)
 
 
 @kernel(inline=True)
@@ -340,8 +340,15 @@ def _forget_position(model: Record, history: History, j: int) -> None:
 
 
 @kernel(inline=True)
-def _inflate_strange(model: Record, later: Vector) -> None:
-    """More variance for a state far from its prediction: something else moved it."""
+def inflate_strange(model: Record, later: Vector) -> None:
+    """More variance for a state far from its prediction: something else moved it.
+
+    Gains are not below 1: without it the smoothed state would grow from step to step.
+
+    Args:
+        model: With P⁻, in place.
+        later: The state of node j, as filtered or smoothed.
+    """
     for a in range(N):
         off = later[a] - model.mu[a]
         if a == H:

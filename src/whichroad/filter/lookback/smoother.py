@@ -25,7 +25,7 @@ from ..state import CLOCK, KEPT, NO_EDGE, Belief, Context, Epochs, H, K, Path, X
 from ..summary.estimate import Output, summarise
 from ..summary.node_shares import AFTER
 from .history import History, load
-from .link_motion import LINK_MODEL, predict_link
+from .link_motion import LINK_MODEL, inflate_strange, predict_link
 from .link_road import Link
 from .smoothed_weights import SMOOTHED, smooth_weights
 
@@ -123,9 +123,11 @@ def _smooth_pose(
             so_far += weight
             if weight < 1e-3 * so_far or weight < _NO_POSE:
                 continue
+            later = buffers.nodes[slot, j - here]
             predict_link(model, history, path, ctx, Link(step, i, j))
+            inflate_strange(model, later.mu)
             used += weight
-            _add_link(model, buffers.nodes[slot, j - here], node, weight / used)
+            _add_link(model, later, node, weight / used)
     _restore_state(node, model)
 
 

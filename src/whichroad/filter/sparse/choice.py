@@ -13,6 +13,7 @@ from .candidates import (
     Departure,
     SparseFix,
     departure_of,
+    factor_of,
     fix_of,
     heavy_tail,
     query_of,
@@ -123,6 +124,19 @@ def _keep_pairs(search: Search) -> None:
             search.pair[run.pairs - 1].root = root
 
 
+@kernel
+def _own_cost(ctx: Context, edge: int, way: Way) -> float:
+    """What a way costs for roads as the one that it begins on, over usual roads, m.
+
+    Who is on a slow road has chosen it, and does not choose it anew from fix to fix.
+    """
+    if way.label < 0:
+        return 0.0
+    own = factor_of(float(ctx.roads.edges[edge].speed))
+    factor = factor_of(way.usual)
+    return (min(max(factor, min(own, 1.0)), max(own, 1.0)) - 1.0) * max(way.went, 0.0)
+
+
 @kernel(inline=True)
 def _weigh(
     belief: Belief, ctx: Context, i: int, way: Way, start: Departure, query: Query, fix: SparseFix
@@ -139,6 +153,7 @@ def _weigh(
     near = ctx.work.near[goal]
     went = way.went
     cost = way.cost - query.per_metre * min(start.straight, max(went, 0.0))
+    cost -= query.per_metre * _own_cost(ctx, int(belief.hyp[i].edge), way)
     turned = way.worth > _WORTH
     if not turned:
         run.detour = min(run.detour, cost)
