@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from whichroad import RoadMap
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Matrices are small here, and another worker has the other processor: a second thread only waits.
+# Before NumPy is imported; processes that tests start inherit it.
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 # The first example of a kernel's law pays for compiling the kernel.
 settings.register_profile("here", deadline=None)

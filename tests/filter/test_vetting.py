@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from scenes.quick import quick
 from whichroad._compile import Record
 from whichroad.diagnosis.sensors import sensor_findings
 from whichroad.filter.motion import arc_chord
@@ -51,8 +52,8 @@ class Drive:
 
     def while_vetted(self, sensors: int = WHEELS) -> Iterator[Record]:
         """What is believed after each epoch, in one record."""
-        vetting = new_belief().state[0].vetting
-        epochs = new_epochs(len(self.time))
+        [vetting] = quick(new_belief().state.vetting)
+        epochs = quick(new_epochs(len(self.time)))
         for k in range(len(self.time)):
             epoch = epochs[k]
             epoch.time = BEGIN + self.time[k]
@@ -392,8 +393,8 @@ def test_odometry_that_is_silent_no_longer_moves_the_vehicle():
 
 def of_wheels(speed: float, rate: float, seconds: float) -> Record:
     """What is kept of a car of some speed that turns at a rate from 5 s on."""
-    vetting = new_belief().state[0].vetting
-    epochs = new_epochs(round(10.0 * (5.0 + seconds)))
+    [vetting] = quick(new_belief().state.vetting)
+    epochs = quick(new_epochs(round(10.0 * (5.0 + seconds))))
     for k in range(len(epochs)):
         epoch = epochs[k]
         turn = rate if k >= 50 else 0.0
