@@ -1,6 +1,7 @@
 """House rules: the public names, the contracts, and that the documents speak the truth."""
 
 import ast
+import functools
 import importlib
 import importlib.util
 import re
@@ -67,6 +68,12 @@ HEAVY = [
     "can",
     "cantools",
 ]
+
+
+@functools.cache
+def tree_of(path: Path) -> ast.Module:
+    """What a module holds, which nobody changes."""
+    return ast.parse(path.read_text("utf-8"))
 
 
 def title(path: Path) -> str:
@@ -137,10 +144,10 @@ def _is_public(node: ast.stmt) -> bool:
     return "overload" not in [ast.unparse(d) for d in node.decorator_list]
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=title)
-def test_what_is_public_has_a_docstring(path: Path):
-    nodes = exported(ast.parse(path.read_text("utf-8")))
-    assert [getattr(n, "name", title(path)) for n in nodes if not ast.get_docstring(n)] == []
+def test_what_is_public_has_a_docstring():
+    nodes = ((path, node) for path in SOURCES for node in exported(tree_of(path)))
+    bare = [(title(p), getattr(n, "name", "")) for p, n in nodes if not ast.get_docstring(n)]
+    assert bare == []
 
 
 def kernels() -> list[ast.FunctionDef]:
@@ -148,7 +155,7 @@ def kernels() -> list[ast.FunctionDef]:
     found = []
     for folder in ("filter", "graph"):
         for path in sorted((ROOT / "src" / "whichroad" / folder).rglob("*.py")):
-            for node in ast.parse(path.read_text("utf-8")).body:
+            for node in tree_of(path).body:
                 marks = [ast.unparse(d) for d in getattr(node, "decorator_list", [])]
                 if any(mark.startswith(("kernel", "entry")) for mark in marks):
                     assert isinstance(node, ast.FunctionDef)
@@ -182,26 +189,26 @@ DISCUSSED: dict[str, int] = {
 }
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=title)
-def test_a_module_is_short(path: Path):
-    assert len(path.read_text("utf-8").splitlines()) <= DISCUSSED.get(title(path), LINES)
+def test_a_module_is_short():
+    lines = {title(path): len(path.read_text("utf-8").splitlines()) for path in SOURCES}
+    assert {name: n for name, n in lines.items() if n > DISCUSSED.get(name, LINES)} == {}
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=title)
-def test_no_module_is_a_drawer_for_odds_and_ends(path: Path):
-    assert path.stem not in {"utils", "util", "helpers", "helper", "common", "base", "misc"}
+def test_no_module_is_a_drawer_for_odds_and_ends():
+    drawers = {"utils", "util", "helpers", "helper", "common", "base", "misc"}
+    assert [title(path) for path in SOURCES if path.stem in drawers] == []
 
 
-@pytest.mark.parametrize(
-    "path", [p for p in SOURCES if p.parent.name != "cli" and p.stem != "__main__"], ids=title
-)
-def test_library_code_neither_prints_nor_exits(path: Path):
+def test_library_code_neither_prints_nor_exits():
+    ends = {"print", "exit", "quit", "sys.exit", "os._exit"}
+    library = [p for p in SOURCES if p.parent.name != "cli" and p.stem != "__main__"]
     calls = [
-        ast.unparse(node.func)
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
-        if isinstance(node, ast.Call)
+        f"{title(path)}, line {node.lineno}"
+        for path in library
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ends
     ]
-    assert {"print", "exit", "quit", "sys.exit", "os._exit"} & set(calls) == set()
+    assert calls == []
 
 
 # Degrees
@@ -231,10 +238,9 @@ def names_of(tree: ast.AST) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("path", [p for p in SOURCES if {*p.parts} & {*CORE}], ids=title)
-def test_names_in_the_core_are_the_fields_own(path: Path):
+def test_names_in_the_core_are_the_fields_own():
     own = {
-        name for name in names_of(ast.parse(path.read_text("utf-8")))
+        name for path in SOURCES if {*path.parts} & {*CORE} for name in names_of(tree_of(path))
         if OWN_WORDS & set(name.strip("_").lower().split("_"))
     }  # fmt: skip
     assert own - {"travel_variance", "paper_stay"} == set()  # fields of records
@@ -253,11 +259,10 @@ def converts(node: ast.AST) -> bool:
     return False
 
 
-@pytest.mark.parametrize("path", [p for p in SOURCES if p.parent.name != "geodesy"], ids=title)
-def test_degrees_are_converted_by_geodesy_alone(path: Path):
-    tree = ast.parse(path.read_text("utf-8"))
-    found = [node for node in ast.walk(tree) if converts(node)]
-    assert [f"line {node.lineno}: {ast.unparse(node)}" for node in found] == []
+def test_degrees_are_converted_by_geodesy_alone():
+    others = [path for path in SOURCES if path.parent.name != "geodesy"]
+    found = [(p, node) for p in others for node in ast.walk(tree_of(p)) if converts(node)]
+    assert [f"{title(p)}, line {node.lineno}: {ast.unparse(node)}" for p, node in found] == []
 
 
 # No file may name the machine that it was written on.
@@ -266,11 +271,9 @@ PRIVATE = re.compile(
 )
 
 
-@pytest.mark.parametrize(
-    "path", [*SOURCES, *TESTS, *DOCUMENTS, ROOT / "pyproject.toml", ROOT / ".ci" / "run"], ids=title
-)
-def test_no_file_names_a_path_of_one_machine(path: Path):
-    assert PRIVATE.findall(path.read_text("utf-8")) == []
+def test_no_file_names_a_path_of_one_machine():
+    files = [*SOURCES, *TESTS, *DOCUMENTS, ROOT / "pyproject.toml", ROOT / ".ci" / "run"]
+    assert [title(path) for path in files if PRIVATE.search(path.read_text("utf-8"))] == []
 
 
 # The documents

@@ -6,6 +6,7 @@ semicolons end a sentence too.  A value that is filled in counts as one word.
 """
 
 import ast
+import functools
 import re
 import subprocess
 import sys
@@ -73,21 +74,23 @@ def test_no_sentence_of_help_is_long(name: str, text: str):
 SAID = {"echo", "BadParameter", "_count", "HTTPException", "_Stale", "Finding", "append", "note"}
 
 
-def messages(path: Path) -> Iterator[tuple[int, str]]:
+@functools.cache
+def messages(path: Path) -> list[tuple[int, str]]:
     """What a module may say: the texts of what it raises, prints, counts, and notes.
 
     Every text that is built somewhere below a `raise`, or in the arguments of a call by which
     things are said, and that has blanks in it.
     """
-    tree = ast.parse(path.read_text("utf-8"))
-    for node in ast.walk(tree):
+    found: list[tuple[int, str]] = []
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
         if isinstance(node, ast.Raise) and node.exc is not None:
-            yield from texts(node.exc)
+            found += texts(node.exc)
         elif isinstance(node, ast.Call) and called(node) in SAID:
             for argument in (*node.args, *(k.value for k in node.keywords)):
-                yield from texts(argument)
+                found += texts(argument)
         elif isinstance(node, ast.Return) and node.value is not None:
-            yield from (t for t in texts(node.value) if "expected" in t[1])
+            found += (t for t in texts(node.value) if "expected" in t[1])
+    return found
 
 
 def called(call: ast.Call) -> str:
@@ -109,10 +112,10 @@ def texts(node: ast.AST) -> Iterator[tuple[int, str]]:
             yield from texts(child)
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=title)
-def test_no_part_of_a_message_is_long(path: Path):
+def test_no_part_of_a_message_is_long():
     long = [
-        f"line {line}: {part}"
+        f"{title(path)}, line {line}: {part}"
+        for path in SOURCES
         for line, text in messages(path)
         for part in _SHORT_END.split(text)
         if words(part) > LONGEST
@@ -132,10 +135,10 @@ _ODD = {
 }
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=title)
-def test_no_message_has_an_odd_phrase(path: Path):
+def test_no_message_has_an_odd_phrase():
     found = [
-        f"line {line}: {text!r}; better: {better}"
+        f"{title(path)}, line {line}: {text!r}; better: {better}"
+        for path in SOURCES
         for line, text in messages(path)
         for odd, better in _ODD.items()
         if re.search(odd, text)
