@@ -59,17 +59,20 @@ def said(
         mode: What moves the vehicle.
         settings: The model's numbers.
     """
-    member = np.zeros((len(groups) + 1, len(roads.edges) + 1))  # the last column: off the roads
+    size = len(roads.edges) + 1  # the last column: off the roads
+    member = np.zeros((size, len(groups) + 1))
     for g, edges in enumerate(groups):
-        member[g, list(edges)] = 1.0
-    member[-1, OFF_ROAD] = 1.0
-    p = np.zeros((len(epochs), len(groups) + 1))
+        member[list(edges), g] = 1.0
+    member[OFF_ROAD, -1] = 1.0
+    at, weights = [], []
     for k, belief, output in steps(roads, epochs, mode=mode, settings=settings):  # noqa: B007
         if k == 0:  # views of the belief: it is the same one in every epoch
             hyp, count = belief.hyp.view(np.ndarray), belief.state.view(np.ndarray)["count"]
             edge, weight = hyp["edge"], hyp["weight"]
-        n = count[0]
-        p[k] = member[:, edge[:n]] @ weight[:n]
+        at.append(edge[: count[0]] % size + size * k)
+        weights.append(weight[: count[0]].copy())
+    found = np.concatenate(at), np.concatenate(weights)
+    p = np.bincount(*found, size * len(epochs)).reshape(-1, size) @ member
     return Said(p[:, :-1], p[:, -1], output)
 
 

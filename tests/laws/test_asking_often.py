@@ -17,7 +17,15 @@ from laws.drives import (
     sensed,
     way_through,
 )
-from scenes import Truth, drive_along, grid_town, network, parallel_roads, straight_road
+from scenes import (
+    Truth,
+    drive_along,
+    grid_town,
+    network,
+    parallel_roads,
+    straight_road,
+    wandering,
+)
 from strategies import seeds
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
 from whichroad.settings import Settings
@@ -69,9 +77,7 @@ def slow_error(truth: Truth, seed: int, sigma: float, white: float = 0.0) -> np.
     rng = np.random.default_rng(seed)
     n = len(truth.time)
     keep = math.exp(-(truth.time[1] - truth.time[0]) / 60.0)
-    error = rng.normal(size=(n, 2))
-    for k in range(1, n):
-        error[k] = keep * error[k - 1] + math.sqrt(1.0 - keep**2) * error[k]
+    error = wandering(rng.normal(size=(n, 2)), keep)
     error = sigma * (error + white * rng.normal(size=(n, 2)))
     fix = np.column_stack([truth.x, truth.y, np.full((n, 2), sigma), np.zeros(n)])
     fix[:, :2] += error
@@ -295,8 +301,8 @@ def test_a_standing_receiver_whose_error_changes_slowly_creeps_no_way(every: int
     for seed in range(6):
         rng = np.random.default_rng(seed)
         slow = np.zeros((n, 2))
-        for k in range(1, n):
-            slow[k] = keep * slow[k - 1] + rng.normal(0.0, 2.5 * np.sqrt(1.0 - keep**2), 2)
+        slow[1:] = rng.normal(0.0, 2.5, (n - 1, 2))
+        slow = wandering(slow, keep)
         error = slow + rng.normal(0.0, 1.0, (n, 2))
         for side in (error, -error):
             epochs = new_epochs(n // every)

@@ -10,7 +10,7 @@ from .beliefs import (
     untouched,
     weights,
 )
-from .drives import Truth, brake, drive_along, epochs_of, gnss
+from .drives import Truth, brake, drive_along, epochs_of, gnss, wandering
 from .filter import Town, column, columns, localize, steps
 from .kernels import context
 from .networks import grid_town, network, parallel_roads, straight_road
@@ -38,5 +38,6 @@ __all__ = [
     "steps",
     "straight_road",
     "untouched",
+    "wandering",
     "weights",
 ]

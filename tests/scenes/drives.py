@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -60,9 +61,9 @@ def drive_along(
     starts = [(x0, y0, h0)]
     for size, bend in pieces:
         starts.append(_advance(*starts[-1], size, bend))
-    pose = np.array(
-        [_advance(*starts[a], v - ends[a], pieces[a, 1]) for a, v in zip(at, s, strict=True)]
-    )
+    of, bends = at.tolist(), pieces[at, 1].tolist()
+    sizes = (s - ends[at]).tolist()
+    pose = np.array([_advance(*starts[a], v, b) for a, v, b in zip(of, sizes, bends, strict=True)])
     return Truth(np.arange(len(s)) * interval, *pose.T, s - s[0])
 
 
@@ -92,8 +93,16 @@ def brake(
 
 def _advance(x: float, y: float, h: float, size: float, bend: float) -> tuple[float, float, float]:
     half = 0.5 * size * bend
-    chord = size * float(np.sinc(half / math.pi))
+    chord = size * (math.sin(half) / half if half else 1.0)
     return x + chord * math.cos(h + half), y + chord * math.sin(h + half), h + 2.0 * half
+
+
+def wandering(noise: Array, keep: float) -> Array:
+    """An error of unit variance that keeps so much of itself from row to row, of white noise."""
+    fresh = math.sqrt(1.0 - keep * keep) * noise
+    fresh[0] = noise[0]
+    columns = [accumulate(column, lambda a, b: keep * a + b) for column in fresh.T.tolist()]
+    return np.column_stack([list(column) for column in columns])
 
 
 def gnss(truth: Truth, *, sigma: float = 3.0, seed: int = 0, constant: float = 60.0) -> Array:
@@ -101,10 +110,7 @@ def gnss(truth: Truth, *, sigma: float = 3.0, seed: int = 0, constant: float = 6
     rng = np.random.default_rng(seed)
     n = len(truth.time)
     keep = math.exp(-(truth.time[1] - truth.time[0]) / constant)
-    bias = np.empty((n, 2))
-    bias[0] = rng.normal(0.0, 1.0, 2)
-    for k in range(1, n):
-        bias[k] = keep * bias[k - 1] + math.sqrt(1.0 - keep * keep) * rng.normal(0.0, 1.0, 2)
+    bias = wandering(rng.normal(0.0, 1.0, (n, 2)), keep)
     error = sigma * (bias + 0.5 * rng.normal(0.0, 1.0, (n, 2)))
     return np.column_stack(
         [truth.x + error[:, 0], truth.y + error[:, 1], np.full((n, 2), sigma), np.zeros(n)]
