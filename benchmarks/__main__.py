@@ -42,6 +42,10 @@ BENCHMARKS = {
     "worlds": ("worlds.run", "a second simulator: SUMO's drivers, real errors, faults at rates"),
     "pauses": ("worlds.pauses.run", "nothing heard for 1 min to 10 h, and the car is elsewhere"),
     "learnt": ("worlds.learnt.run", "receivers and maps whose errors nobody told: true ellipses?"),
+    "manoeuvres": (
+        "manoeuvres.run",
+        "what maps do not draw: U-turns, yards, backing up, odd clocks",
+    ),
     "places": ("places.run", "point objects ahead and near: P, sigma, time of a question"),
     "sensors": ("sensors.run", "a gyro beside an odometer or a speed, 1.5 km without GNSS"),
     "stacked": ("scenes.stacked.run", "roads above each other: GNSS alone, heights, the sky"),
@@ -105,7 +109,8 @@ def parser() -> argparse.ArgumentParser:
     )
     command.add_argument(
         "--set", type=setting, action="append", default=[], metavar="NAME=VALUE",
-        help="town, outage, kubicka, comma, worlds: another value for one of the model's settings",
+        help="town, outage, kubicka, comma, worlds, manoeuvres: another value for one of the "
+        "model's settings",
     )  # fmt: skip
     command.add_argument("--progress", action="store_true", help="scenes: a line per drive")
     command.add_argument("--processes", type=int, metavar="N", help="drives side by side")
@@ -120,6 +125,7 @@ def parser() -> argparse.ArgumentParser:
         help="honesty: per class, with --seeds those of noises other than good; live: kills; "
         "worlds: at most",
     )
+    command.add_argument("--scenes", metavar="A,B", help="manoeuvres: only these")
     command.add_argument("--resume", metavar="FILE", help="honesty: remember what is done here")
     command.add_argument("--write", metavar="FILE", help="honesty, sparse: write the page of docs")
     command.add_argument(
@@ -140,7 +146,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--sensors", metavar="NAME", help="worlds: all drives have these")
     command.add_argument(
         "--lag", metavar="LAG",
-        help="worlds: smoothed, as `match(lag=...)` is; online: as `Localizer` answers",
+        help="worlds, manoeuvres: smoothed, as `match(lag=...)` is; online: as `Localizer` answers",
     )  # fmt: skip
     command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
@@ -181,7 +187,7 @@ def main() -> int:
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
             *("progress", "classes", "noise", "drives", "resume", "write"),
             *("parts", "intervals", "conditions", "peers", "cache", "faults", "told", "sensors"),
-            *("lag", "out"),
+            *("lag", "out", "scenes"),
         )
     }
     if given["set"]:

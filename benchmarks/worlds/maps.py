@@ -90,7 +90,7 @@ def draw_map(
     lines = np.array([shapely.LineString(p) for p in true], dtype=object)
     known = {r["id"]: r["lanes"] or 0 for r in [*rows, *invented]}
     return Chart(
-        roads, road_of_edge, _roads_of_codes(roads, road_of_edge, 2 * len(net.streets)), degree,
+        roads, road_of_edge, roads_of_codes(roads, road_of_edge, 2 * len(net.streets)), degree,
         lines, shapely.STRtree(lines),
         [known.get(k, 0) for k in range(len(net.streets))] + [r["lanes"] or 0 for r in invented],
         frozenset(n for r in invented for n in (r["from"], r["to"])), plane,
@@ -232,7 +232,7 @@ def chain_roads(edges: Any) -> np.ndarray:
     return np.array([find(e) for e in range(n)])
 
 
-def _roads_of_codes(roads: Any, road_of_edge: np.ndarray, codes: int) -> np.ndarray:
+def roads_of_codes(roads: Any, road_of_edge: np.ndarray, codes: int) -> np.ndarray:
     """The road of each true directed road, -1 where the map lacks it."""
     found = np.full(codes, -1)
     pieces = roads.pieces

@@ -40,11 +40,12 @@ def answer(table: Any, roads: RoadMap, vehicle: Vehicle, settings: Settings | No
     for observation in observations(drive):
         estimate = localizer.update(observation)
         if estimate.answered:
-            rows[observation.time] = _row(estimate)
+            rows[observation.time] = row_of(estimate)
     return Answer(pa.Table.from_pylist(list(rows.values())), localizer.diagnosis)
 
 
-def _row(estimate: Estimate) -> dict[str, Any]:
+def row_of(estimate: Estimate) -> dict[str, Any]:
+    """An estimate as a point of `match`."""
     pose, cov = estimate.pose, estimate.cov
     assert pose is not None
     assert cov is not None
