@@ -35,6 +35,7 @@ _LASTS = 1000.0  # m, for which a road runs beside another
 _WIDTH = 7.0  # m, that two roads' lanes are apart at least
 _REACH = 40.0  # m, from which on a road tells nothing of one beside it
 _CALM = 60.0  # s since fixes fitted nothing, from which on the motion shows it
+_LARGEST = 500.0  # nats, of which the exponential is finite
 _LIGHT = 1e-3  # weight of a vehicle off the roads below which it is not asked for,
 _JUDGES = 1e-3  # and of a hypothesis on a road that may be beside it
 _LEAST = -10.0  # log-odds of free motion that are remembered, over the usual ones
@@ -121,7 +122,7 @@ def gain_beside(
     along -= belief.state[0].since_map / _LASTS
     outside = 1.0 - course.inside
     odds = math.exp(_FREE + hyp.beside[0])
-    after = odds * math.exp(free - along)
+    after = odds * math.exp(min(free - along, _LARGEST))
     gain = along + math.log((after + outside) / (odds + _before(hyp, outside))) - (usual - cost)
     most = max(hyp.beside[0], 0.0)
     hyp.beside[0] = max(min(hyp.beside[0] + free - along, most), _LEAST)

@@ -5,7 +5,7 @@ import math
 from .._compile import Record, kernel
 from ._simd import copy_record
 from .gnss.departure import p_departed
-from .gnss.silence import hear, is_pause, may_have_moved
+from .gnss.silence import hear, is_gap, is_pause, may_be_lost, may_have_moved
 from .lookback.history import History
 from .motion import GYRO_PACE
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
@@ -88,6 +88,8 @@ def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
             redraw(belief.hyp[i], B, drift[0], drift[1])
         else:
             redraw(belief.hyp[i], B, 0.0, 0.0)
+
+_IN_GAP = 0.3  # P(the vehicle has driven round corners unseen, or has stopped)
 
 
 @kernel
@@ -199,9 +201,12 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
 
 
 @kernel
-def _heed_silence(belief: Belief, history: History, reading: Record, sensors: int) -> None:
+def _heed_silence(
+    belief: Belief, history: History, reading: Record, sensors: int, dt: float
+) -> None:  # fmt: skip
     """After a long pause of all sensors nothing is known of the motion meanwhile.
 
+    After a shorter one of sensors that measure turns the vehicle may have driven round corners.
     A gyro that turns the vehicle while its wheels are silent is no pause.
     """
     state = belief.state[0]
@@ -217,6 +222,8 @@ def _heed_silence(belief: Belief, history: History, reading: Record, sensors: in
         reading.left = 0.0
         state.vetting.missed = 0
         state.vetting.silent = 0.0
+    elif sensors == WHEELS and state.count > 0 and is_gap(dt, state.heard[1]):
+        may_be_lost(state, _IN_GAP, dt)
     if reading.has_fix or reading.odometry_valid == 1 or is_alone(reading):
         hear(state, reading.time)
 
@@ -270,7 +277,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     if sensors != CLOCK and face_forward(vetting, reading, dt):
         _turn_about(belief, par)
     vet(vetting, reading, dt, sensors, max(state.scale, 0.1))
-    _heed_silence(belief, history, reading, sensors)
+    _heed_silence(belief, history, reading, sensors, dt)
     departed = p_departed(state) > _DEPARTED
     if departed and reading.has_fix:
         refuse_standing(vetting)

@@ -213,7 +213,7 @@ class Localizer(LooksBack, Watched, Pauses):
             self._odometer = (reading.time, 0.0, 0.0)
             return 0.0, 0.0, 1, self._gyro.by
         dt = reading.time - before.time
-        arc, turn = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
+        arc, turn, valid = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
         arc, turn = self._gyro.steered(before, reading, arc, turn)
         taken = self._odometer or (0.0, 0.0, 0.0)
         self._interval = self._interval or dt
@@ -222,7 +222,9 @@ class Localizer(LooksBack, Watched, Pauses):
             by_gyro = self._gyro.in_silence(now.time, reading.time)
             if by_gyro is not None and now.mode == WHEELS and isinstance(reading, WheelTicks):
                 return arc - taken[1], by_gyro, 0, HEARD_AGAIN  # counters have gone on
-            return self._rate[0] * (reading.time - taken[0]), 0.0, 1, self._gyro.by
+            return self._rate[0] * (reading.time - taken[0]), 0.0, 0, self._gyro.by
+        if self._is_silent(dt) and not isinstance(reading, Distance):
+            valid = 0  # the way was longer than the turn tells
         self._interval += 0.2 * (dt - self._interval)
         if dt > 0:
             self._rate = (arc / dt, turn / dt)
@@ -230,7 +232,7 @@ class Localizer(LooksBack, Watched, Pauses):
             part = min(max((self._began - before.time) / dt, 0.0), 1.0)
             arc, turn = arc * (1.0 - part), turn * (1.0 - part)
         self._odometer, self._began = (reading.time, 0.0, 0.0), None
-        return arc - taken[1], turn - taken[2], 1, self._gyro.by
+        return arc - taken[1], turn - taken[2], valid, self._gyro.by
 
     def _is_silent(self, seconds: float) -> bool:
         """Whether that is longer than odometry usually says nothing."""

@@ -162,7 +162,7 @@ def bridged_step(
     car: Vehicle,
     rate: tuple[float, float],
     skipped: Skipped,
-) -> tuple[float, float]:
+) -> tuple[float, float, int]:
     """`step_between`; a step that no car can make is as the motion before it, and counted.
 
     Args:
@@ -171,13 +171,16 @@ def bridged_step(
         car: Metres per count and track width.
         rate: What moves it, m/s and rad/s.
         skipped: Counts the jumps.
+
+    Returns:
+        Distance and turn, and whether they were measured.
     """
     dt = reading.time - before.time
     arc, turn = step_between(before, reading, car)
     if abs(arc) + 0.5 * abs(turn) * car.track_width <= FASTEST * (dt + _JITTER):
-        return arc, turn
+        return arc, turn, 1
     skipped[_JUMP] = skipped.get(_JUMP, 0) + 1
-    return rate[0] * dt, rate[1] * dt
+    return rate[0] * dt, rate[1] * dt, 0
 
 
 def dead_reckoned(

@@ -23,6 +23,7 @@ _STANDING = 0.5  # m/s; a receiver that reports less stands
 _LEFT = 0.3  # m/s, of the speed of a vehicle whose fixes keep their place
 _STOOD = 5.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
 _SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere,
+_GAP = 15.0  # or on another road nearby,
 _UNUSUAL = 4.0  # and times the usual interval of readings
 _CARRIED = 0.3  # P(it is), where it stood before and after by its odometry,
 _DRIVEN = 0.9  # and where it did not
@@ -38,6 +39,12 @@ _STAYED, _MOVED = 1e-3, 0.99  # shares below which, and beyond which, nothing is
 def is_pause(quiet: float, usual: float) -> bool:
     """Whether so long without a reading (s) is a pause, and not how often there usually is one."""
     return bool(usual > 0.0 and quiet > _SILENT and quiet > _UNUSUAL * usual)
+
+
+@kernel
+def is_gap(quiet: float, usual: float) -> bool:
+    """Whether so long without a reading (s) the way through the roads is not known."""
+    return bool(usual > 0.0 and quiet > _GAP and quiet > _UNUSUAL * usual)
 
 
 @kernel

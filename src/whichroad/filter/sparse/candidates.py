@@ -23,6 +23,7 @@ SPAN = 4.0  # sigmas within which roads and distances are considered
 _REACH = 100.0  # m, added to the longest route
 _LABELS = 3000  # of one search
 
+CHOSEN = 150.0  # m, for which a road is chosen at once
 _AHEAD = 5.0  # nats, the same for the upper bound of routes still to be found
 _LEARNS = 0.5  # least weight of a hypothesis that tells of the driver
 _SHORT = 20.0  # s, below which no search copies routes of another: copies have no rivals
@@ -175,7 +176,7 @@ def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale:
     longest = max(reach + SPAN * math.sqrt(start.variance), 1.5 * start.straight) + _REACH
     floor = hyp.log_weight - 0.5 * math.log(start.variance + sigma * sigma) - beside
     best = ctx.work.search.run[0].best_score
-    own = max(factor_of(speed) - 1.0, 0.0) * per_metre * start.straight  # is not charged later
+    own = max(factor_of(speed) - 1.0, 0.0) * per_metre * min(start.straight, CHOSEN)
     return Query(
         fix.map_x, fix.map_y, fix.radius * scale, per_metre, u_turn_cost(ctx.roads, hyp.edge),
         longest, floor + per_metre * start.straight - best + _AHEAD + own, _SLACK + own, _LABELS,

@@ -8,6 +8,7 @@ from ...graph.labels import Reach, Search, add_way, write_way
 from ...graph.route_search import Query, find_routes, goal_of
 from ..state import OFF_ROAD, Belief, Context
 from .candidates import (
+    CHOSEN,
     EXCESS_SPEED,
     SPAN,
     Departure,
@@ -126,7 +127,7 @@ def _keep_pairs(search: Search) -> None:
 
 @kernel
 def _own_cost(ctx: Context, edge: int, way: Way) -> float:
-    """What a way costs for roads as the one that it begins on, over usual roads, m.
+    """What the beginning of a way costs for roads as the one it begins on, over usual roads, m.
 
     Who is on a slow road has chosen it, and does not choose it anew from fix to fix.
     """
@@ -134,7 +135,7 @@ def _own_cost(ctx: Context, edge: int, way: Way) -> float:
         return 0.0
     own = factor_of(float(ctx.roads.edges[edge].speed))
     factor = factor_of(way.usual)
-    return (min(max(factor, min(own, 1.0)), max(own, 1.0)) - 1.0) * max(way.went, 0.0)
+    return (min(max(factor, min(own, 1.0)), max(own, 1.0)) - 1.0) * min(max(way.went, 0.0), CHOSEN)
 
 
 @kernel(inline=True)
