@@ -1,6 +1,7 @@
 """`whichroad live`: the service that answers while the vehicle drives."""
 
 import re
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -173,7 +174,7 @@ def live(
     plan.speed, plan.laps, plan.once, plan.rate = factor, laps, once, rate
     plan.window, plan.clock = window, clock.value
     plan.host, plan.port, plan.token = host, port, token
-    plan.report = lambda line: typer.echo(line, err=True)
+    plan.report = _report
     plan.ready = lambda bound: _print_addresses(host, bound, plan)
     from ..live.server import serve
 
@@ -200,6 +201,11 @@ def _plan(
     for note in [] if localizer.places is None else localizer.places.notes():
         typer.echo(f"note: {note}", err=True)
     return Plan(localizer, compiled=roads if is_compiled(roads) else None)
+
+
+def _report(line: str) -> None:
+    with suppress(OSError, ValueError):  # a log on a full disk, a closed terminal
+        typer.echo(line, err=True)
 
 
 def _speed(text: str) -> float | None:

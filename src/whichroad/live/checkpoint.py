@@ -62,6 +62,8 @@ class Checkpoint:
     def taken(self, published: float = -math.inf) -> Callable[[], None]:
         """The state that is, as a call that writes it: from any thread, one at a time.
 
+        The call raises OSError where it cannot.  The file then holds the state before.
+
         Args:
             published: Time of the newest published estimate, s.
         """

@@ -25,6 +25,7 @@ from .message_types import UNKNOWN, EstimateMessage, PlayMessage
 from .messages import Around, Messages
 from .recording import Recorder
 from .reorder_buffer import ReorderBuffer
+from .troubles import Troubles
 
 Sink = Callable[[bytes, EstimateMessage], None]
 
@@ -53,6 +54,7 @@ class FilterLoop:
         rate: Messages per second while no fix triggers one.
         recorder: Records observations and estimates.
         vehicle: Its name, where a service has several.
+        troubles: What does not work now.
         clock: Gives the time that passes, s.
 
     Attributes:
@@ -72,10 +74,11 @@ class FilterLoop:
         rate: float = 10.0,
         recorder: Recorder | None = None,
         vehicle: str | None = None,
+        troubles: Troubles | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.localizer, self.recorder, self._clock = localizer, recorder, clock
-        self.vehicle = vehicle
+        self.vehicle, self.troubles = vehicle, troubles or Troubles()
         self.buffer = ReorderBuffer(localizer, window)
         self.messages = Messages(localizer.roads, localizer.places)
         self.heard = HeardSensors(localizer.sensors)
@@ -325,8 +328,10 @@ class FilterLoop:
         now = self._clock()
         sensors = [sensor.message(now) for sensor in self.sensors.values()]
         good = bool(sensors) and all(s["ok"] or s["state"] == "ended" for s in sensors)
+        problems = self.troubles.messages()
         return {
-            "status": "ok" if good and self.answered else "degraded",
+            "status": "ok" if good and self.answered and not problems else "degraded",
+            "problems": problems,
             "answered": self.answered,
             "seq": self.seq,
             "sensors": sensors,

@@ -9,7 +9,7 @@ start cuts off.
 import json
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,7 @@ class Appended:
             end, self.last = whole_until(path, schema) if path.exists() else (0, None)
             self._file = path.open("ab", buffering=0)
             self._file.truncate(end)
+            self._end = end
             if end == 0:
                 self._write(schema.serialize().to_pybytes())
         except OSError as error:
@@ -84,7 +85,11 @@ class Appended:
             ) from None
 
     def append(self, table: pa.Table) -> None:
-        """Write a table as one batch or more."""
+        """Write a table as one batch or more.
+
+        Raises:
+            OSError: It cannot be written; the stream ends where it did, and may go on.
+        """
         data = [b.serialize() for b in table.cast(self.schema).combine_chunks().to_batches()]
         self._write(b"".join(data))
 
@@ -94,8 +99,13 @@ class Appended:
 
     def _write(self, data: bytes) -> None:
         view = memoryview(data)
-        while view:
-            view = view[os.write(self._file.fileno(), view) :]
+        try:
+            while view:
+                view = view[os.write(self._file.fileno(), view) :]
+        except OSError:
+            self._file.truncate(self._end)
+            raise
+        self._end += len(data)
 
 
 def whole_until(path: Path, schema: pa.Schema) -> tuple[int, pa.RecordBatch | None]:
@@ -135,6 +145,9 @@ class Recorder:
         about: Written to `recording.json`.
         columns: Those that further sensors read; their readings are recorded, too.
 
+    Attributes:
+        lost: Rows that could not be written.
+
     Raises:
         WriteError: The folder cannot be written to, or holds something else.
     """
@@ -158,6 +171,7 @@ class Recorder:
         self._readings = (
             Appended(folder / READINGS, _schema(self._columns)) if columns else None
         )  # fmt: skip
+        self.lost = 0
         self._seen: list[Observation] = []
         self._estimates: list[tuple[bytes, bytes]] = []  # an epoch, its estimate
 
@@ -183,7 +197,10 @@ class Recorder:
         return len(self._seen) + len(self._estimates)
 
     def taken(self) -> Callable[[], None]:
-        """What waits, as a call that writes it: from any thread, one at a time, in order."""
+        """What waits, as a call that writes it: from any thread, one at a time, in order.
+
+        The call raises OSError where some of it cannot be written.  These rows are `lost`.
+        """
         seen, self._seen = self._seen, []
         estimates, self._estimates = self._estimates, []
         return lambda: self._write(seen, estimates)
@@ -193,25 +210,40 @@ class Recorder:
         self.taken()()
 
     def close(self) -> None:
-        """Write what waits; no more follows."""
-        self.flush()
-        for stream in (self._fixes, self._odometry, self._points, self._readings):
-            if stream is not None:
-                stream.close()
+        """No more follows; what waits is written."""
+        try:
+            self.flush()
+        finally:
+            for stream in (self._fixes, self._odometry, self._points, self._readings):
+                if stream is not None:
+                    stream.close()
 
     def _write(self, seen: list[Observation], estimates: list[tuple[bytes, bytes]]) -> None:
+        failed = None
+        for stream, table in self._tables(seen, estimates):
+            try:
+                stream.append(table)
+            except OSError as error:
+                failed, self.lost = error, self.lost + table.num_rows
+        if failed is not None:
+            raise failed
+
+    def _tables(
+        self, seen: list[Observation], estimates: list[tuple[bytes, bytes]]
+    ) -> Iterator[tuple[Appended, pa.Table]]:
+        """What goes to which stream."""
         fixes = [one for one in seen if isinstance(one, GeoFix)]
         if fixes:
-            self._fixes.append(_fix_table(fixes))
+            yield self._fixes, _fix_table(fixes)
         readings = [one for one in seen if isinstance(one, SensorReading)]
         if readings and self._readings is not None:
-            self._readings.append(_reading_table(readings, self._columns))
+            yield self._readings, _reading_table(readings, self._columns)
         odometry = [one for one in seen if not isinstance(one, GeoFix | SensorReading)]
         if odometry:
-            self._odometry.append(_odometry_table(odometry))
+            yield self._odometry, _odometry_table(odometry)
         if estimates:
             epochs, output = _stacked(estimates)
-            self._points.append(points_table(self._name, epochs, output, self._roads))
+            yield self._points, points_table(self._name, epochs, output, self._roads)
 
 
 def _fix_table(fixes: list[GeoFix]) -> pa.Table:

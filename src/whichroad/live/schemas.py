@@ -147,10 +147,11 @@ def _column(kind: Any) -> dict[str, Any]:
 def _health() -> dict[str, Any]:
     return {
         "type": "object",
-        "required": ["status", "answered", "seq", "sensors", "gnss_masked", "play", "latency_ms",
-                     "skipped", "rewinds", "listeners", "dropped"],
+        "required": ["status", "problems", "answered", "seq", "sensors", "gnss_masked", "play",
+                     "latency_ms", "skipped", "rewinds", "listeners", "dropped"],
         "properties": {
             "status": {"enum": ["ok", "degraded"]}, "answered": {"type": "boolean"},
+            "problems": {"type": "array", "items": {"type": "string"}},
             "vehicle": _TEXT, "seq": {"type": "integer"},
             "sensors": {"type": "array", "items": schema_of(SensorMessage)},
             "gnss_masked": {"type": "boolean"}, "play": schema_of(PlayMessage),

@@ -124,9 +124,12 @@ class Run:
         for one in plan.fitted():
             warm_up(one.localizer)
         self.vehicles = [
-            VehicleRun(one, window=plan.window, rate=plan.rate, played=plan.recording is not None)
+            VehicleRun(
+                one, window=plan.window, rate=plan.rate, played=plan.recording is not None,
+                report=plan.report,
+            )
             for one in plan.fitted()
-        ]
+        ]  # fmt: skip
         self.filter_loop = self.vehicles[0].filter_loop
         self.writer = ThreadPoolExecutor(1)
         self.player: Player | None = None
@@ -208,7 +211,7 @@ class Run:
             if job is not None and not job.done():
                 continue
             if job is not None:
-                job.result()  # a full disk ends the service rather than the recording alone
+                job.result()
             now = time.monotonic()
             if now - kept >= EVERY or any(vehicle.full for vehicle in self.vehicles):
                 kept = now

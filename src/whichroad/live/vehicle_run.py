@@ -18,6 +18,7 @@ from .nmea_output import NmeaOutput
 from .reading_lines import ReadingLines
 from .recording import Recorder
 from .sources import READERS, Address, Deliver, NmeaInput, read_can
+from .troubles import Troubles
 
 MOST_ROWS = 20_000  # rows waiting to be recorded, at most
 
@@ -55,13 +56,18 @@ class VehicleRun:
         window: s by which observations may be late.
         rate: Messages a second where no fix calls for one.
         played: Whether its observations come from a recording.
+        report: Takes a line for the operator.
 
     Raises:
         WriteError: The recording or the checkpoint cannot be written.
     """
 
-    def __init__(self, fitted: Fitted, *, window: float, rate: float, played: bool = False) -> None:
+    def __init__(
+        self, fitted: Fitted, *, window: float, rate: float, played: bool = False,
+        report: Callable[[str], None] = lambda line: None,
+    ) -> None:  # fmt: skip
         self.fitted, self._played = fitted, played
+        self.troubles = Troubles(report, fitted.name)
         recorder = None
         if fitted.record is not None:
             about = {"map": repr(fitted.localizer.roads), "begun": time.time()}
@@ -69,7 +75,7 @@ class VehicleRun:
             recorder = Recorder(fitted.record, fitted.localizer.roads, about, columns)
         self.filter_loop = FilterLoop(
             fitted.localizer, window=0.0 if played else window, rate=rate, recorder=recorder,
-            vehicle=fitted.name,
+            vehicle=fitted.name, troubles=self.troubles,
         )  # fmt: skip
         if recorder is not None and not played:
             self.filter_loop.recorded = recorder.until
@@ -147,11 +153,47 @@ class VehicleRun:
 
     def jobs(self) -> list[Callable[[], None]]:
         """What is to be written now, as calls for another thread."""
-        recorder = self.filter_loop.recorder
-        jobs = [] if recorder is None else [recorder.taken()]
-        if self.checkpoint is not None:
-            jobs.append(self.checkpoint.taken(self.filter_loop.until))
+        recorder, checkpoint = self.filter_loop.recorder, self.checkpoint
+        jobs: list[Callable[[], None]] = []
+        if recorder is not None:
+            jobs.append(partial(self._record, recorder, recorder.taken()))
+        if checkpoint is not None:
+            jobs.append(partial(self._store, checkpoint.taken(self.filter_loop.until)))
         return jobs
+
+    def _record(self, recorder: Recorder, write: Callable[[], None]) -> None:
+        """Write rows of the recording; a full disk costs them, not the estimates."""
+        folder = self.fitted.record
+        assert folder is not None
+        self._attempt(
+            write, "--record", folder, "what comes meanwhile is not recorded",
+            lambda: f"the recording goes on; {recorder.lost:,} rows are missing in it",
+        )  # fmt: skip
+
+    def _store(self, write: Callable[[], None]) -> None:
+        """Write the state; a full disk leaves the one before."""
+        path = self.fitted.state
+        assert path is not None
+        self._attempt(
+            write, "--state", path, "the file keeps the state before",
+            lambda: "the state is stored again",
+        )  # fmt: skip
+
+    def _attempt(
+        self, write: Callable[[], None], option: str, path: Path, meanwhile: str,
+        again: Callable[[], str],
+    ) -> None:  # fmt: skip
+        what = f"{option} {path.name}"
+        try:
+            write()
+        except OSError as error:
+            reason = error.strerror or str(error)
+            self.troubles.begin(what, reason, (
+                f"{path}: cannot be written ({reason}); {meanwhile}, and localizing goes on; it is "
+                "tried again until there is space or a right to write"
+            ))  # fmt: skip
+        else:
+            self.troubles.end(what, f"{path}: {again()}")
 
     def disconnect(self) -> None:
         """Close what goes out."""
@@ -161,10 +203,11 @@ class VehicleRun:
 
     def keep(self) -> None:
         """Write what is kept on disk; nothing more follows."""
-        if self.checkpoint is not None:
-            self.checkpoint.taken(self.filter_loop.until)()
-        if self.filter_loop.recorder is not None:
-            self.filter_loop.recorder.close()
+        recorder, checkpoint = self.filter_loop.recorder, self.checkpoint
+        if checkpoint is not None:
+            self._store(checkpoint.taken(self.filter_loop.until))
+        if recorder is not None:
+            self._record(recorder, recorder.close)
 
 
 def name_of(address: Address) -> str:
