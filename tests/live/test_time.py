@@ -173,6 +173,33 @@ def test_when_all_are_silent_the_prediction_ends_after_what_their_rate_explains(
         holds(world, horizon)
 
 
+@pytest.mark.parametrize(("kinds", "every"), [(GeoFix, 1.0), ((GeoFix, WheelTicks), 0.0)])
+def test_an_estimate_that_no_sensor_carries_on_is_stale_and_its_ages_go_on(
+    town, ride, observations, kinds, every
+):
+    world = World(town, ride, of(observations, kinds, every), jitter=0.0)
+    world.run(20.0)
+    assert not any(message["stale"] for message, _, _ in world.sent)
+    last, world.coming, rest = world.newest, [], world.coming
+    seen = len(world.sent)
+    world.run(16.0)
+    for message, _, now in world.sent[seen:]:
+        assert message["age_s"] == pytest.approx(max(now - message["epoch_s"], 0.0), abs=0.11)
+        assert message["fix"]["age_s"] == pytest.approx(now - message["fix"]["epoch_s"], abs=0.11)
+        assert message["heard"][0]["age_s"] == pytest.approx(message["fix"]["age_s"], abs=0.01)
+        assert message["stale"] is (message["age_s"] > 1.0)
+        if now > last + 5.5 + 1.2:
+            assert (message["stale"], message["status"]) == (True, "lost")
+            assert (message["protection_m"], message["level_along_m"]) == (None, None)
+            assert b",V," in sentences(message)
+            assert b",,,,,0," in sentences(message)
+    assert message["reason"].startswith("no sensor delivers: the pose is of 1")
+    world.coming = [pair for pair in rest if pair[0] > world.now]
+    world.run(3.0)
+    assert not world.sent[-1][0]["stale"]
+    assert world.sent[-1][0]["age_s"] < 1.0
+
+
 def test_late_fixes_within_the_window_never_move_time_back(town, ride, observations):
     world = World(town, ride, observations, jitter=0.0)
     world.coming = sorted(

@@ -34,6 +34,7 @@ _SILENCE = 0.3  # s without an observation after which messages are predicted
 _LATE_BY = 2.5  # usual intervals without an observation after which this is dead reckoning
 _INTERVALS = 5.0  # usual intervals beyond the newest observation that are predicted, at most
 _LEAST_HORIZON, _HORIZON = 1.0, 60.0  # s, bounds of that prediction
+_STALE = 1.0  # s after the end of a prediction, from which on it is stale
 _ASSUMED = 1.0  # s, usual interval of the observations before two have come
 _LOST = 1.0  # s of messages, at most, between the last checkpoint and a crash
 _LEAST = 0.02  # s, shortest time between messages triggered by fixes
@@ -299,6 +300,7 @@ class FilterLoop:
 
     def _around(self, now: float, dead_reckoning: bool) -> Around:
         localizer, back = self.localizer, self.localizer.lag is not None
+        age = max(self.present(now) - self.until, 0.0)
         return Around(
             seq=self.seq,
             vehicle=self.vehicle,
@@ -306,11 +308,13 @@ class FilterLoop:
             fix=self._fix,
             fix_masked=self._fix_masked,
             dead_reckoning=dead_reckoning,
+            age=age,
+            stale=age > _STALE,
             lagged=localizer.lagged() if back else None,
             decided_until=localizer.decided_until if back else None,
             reckoning=self.reckoning.message(),
             sensors=[sensor.message(now) for sensor in self.sensors.values()],
-            heard=self.heard.messages(self.until, self._states(now)),
+            heard=self.heard.messages(self.until + age, self._states(now)),
             gnss_masked=self.gnss_masked,
             play=self.play(),
             latency_ms=self.latency.message(now),

@@ -201,6 +201,8 @@ class EstimateMessage(TypedDict):
     status: str  # on_road, ambiguous, off_road, outage, stopped, lost
     reason: str  # why, in words; empty where none is needed
     dead_reckoning: bool  # predicted: no sensor has delivered for a while
+    stale: bool  # status is lost: sensors are silent for longer than is predicted
+    age_s: float  # from epoch_s to now, by the arrival of the newest observation
     lagged: LaggedMessage | None  # null: no --lag, or nothing reaches back so far
     decided_until: float | None  # s since 1970, before which roads are decided; null: none is
     hypotheses: list[HypothesisMessage]  # most probable first

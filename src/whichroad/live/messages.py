@@ -48,6 +48,8 @@ class Around:
     fix: GeoFix | None = None
     fix_masked: bool = False
     dead_reckoning: bool = False
+    age: float = 0.0  # s since the estimate's time, by the arrival of the newest observation
+    stale: bool = False
     lagged: Estimate | None = None
     decided_until: float | None = None
     reckoning: ReckoningMessage | None = None
@@ -91,6 +93,8 @@ class Messages:
         """
         hypotheses, until, places = estimate.hypotheses, around.decided_until, self._places
         pose, cov, map_pose = estimate.pose, estimate.cov, estimate.map_pose
+        status, reason = _status(estimate, around)
+        level = math.inf if around.stale else estimate.protection_level
         return EstimateMessage(
             version=VERSION,
             type="estimate",
@@ -106,10 +110,10 @@ class Messages:
             sigma_bearing_deg=None
             if cov is None
             else round(degrees(math.sqrt(max(float(cov[2, 2]), 0.0))), 3),
-            protection_m=_finite(estimate.protection_level, 3),
-            protection_level_m=_finite(estimate.protection_level, 3),
-            level_along_m=_finite(estimate.level_along_m, 3),
-            level_across_m=_finite(estimate.level_across_m, 3),
+            protection_m=_finite(level, 3),
+            protection_level_m=_finite(level, 3),
+            level_along_m=None if around.stale else _finite(estimate.level_along_m, 3),
+            level_across_m=None if around.stale else _finite(estimate.level_across_m, 3),
             protection_risk=around.protection_risk,
             radius95_m=_radius95(hypotheses, pose.x, pose.y) if pose else None,
             gnss_scale=round(estimate.gnss_scale, 3),
@@ -118,9 +122,11 @@ class Messages:
             p_way=round(estimate.p_way, 6),
             p_off_road=round(estimate.p_off_road, 6),
             road=self._road(estimate),
-            status=estimate.status,
-            reason=estimate.reason,
+            status=status,
+            reason=reason,
             dead_reckoning=around.dead_reckoning,
+            stale=around.stale,
+            age_s=round(around.age, 3),
             lagged=None if around.lagged is None else self._lagged(around.lagged),
             decided_until=None if until is None else round(until, 6),
             hypotheses=[self._hypothesis(h) for h in hypotheses],
@@ -209,6 +215,13 @@ class Messages:
         return street
 
 
+def _status(estimate: Estimate, around: Around) -> tuple[str, str]:
+    """Status and reason; a stale estimate tells where the vehicle was, not where it is."""
+    if not around.stale or not estimate.answered:
+        return estimate.status, estimate.reason
+    return "lost", f"no sensor delivers: the pose is of {around.age:.0f} s ago"
+
+
 def _pose(pose: Pose, speed: float | None) -> PoseMessage:
     return PoseMessage(
         lat=round(pose.lat, 8),
@@ -265,7 +278,7 @@ def _fix(estimate: Estimate, around: Around) -> FixMessage | None:
     reported = math.isfinite(fix.cov_ee) and math.isfinite(fix.cov_nn)
     return FixMessage(
         epoch_s=round(fix.time, 6),
-        age_s=round(max(estimate.time - fix.time, 0.0), 3),
+        age_s=round(max(estimate.time + around.age - fix.time, 0.0), 3),
         lat=round(fix.lat_deg, 8),
         lon=round(fix.lon_deg, 8),
         ellipse=_axes(fix.cov_ee, fix.cov_en, fix.cov_nn) if reported else None,

@@ -1,7 +1,8 @@
 """NMEA output: the estimated pose as NMEA 0183 sentences.
 
 Each message becomes GGA, RMC and GST, in this order, of the middle of the rear axle.
-Without GNSS the quality is 6 and the mode is E: estimated.
+Without GNSS the quality is 6 and the mode is E: estimated.  Where the status is lost, or the
+estimate stale, they are invalid: quality 0, status V.
 """
 
 import asyncio

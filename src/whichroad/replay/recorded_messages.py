@@ -202,6 +202,7 @@ class RecordedMessages:
             "p_off_road": self._get("p_off_road", k) or 0.0,
             "road": self._road(k), "status": STATUS[self.status[k]],
             "reason": self.reason[k] or "", "dead_reckoning": False,
+            "stale": False, "age_s": 0.0,
             "lagged": None, "decided_until": None,
             "hypotheses": self.hypotheses(k),
             "fix": self._fix(k),
