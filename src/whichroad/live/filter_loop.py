@@ -114,7 +114,7 @@ class FilterLoop:
 
     def sensor(self, name: str, kind: str) -> Health:
         """The health of an input, created at the first call."""
-        return self.sensors.setdefault(name, Health(name, kind))
+        return self.sensors.setdefault(name, Health(name, kind, self.troubles.report))
 
     def take(
         self,

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -22,18 +23,24 @@ class Health:
     Args:
         name: For people.
         kind: gnss, wheels or file.
+        report: Takes a line for the operator, from any thread.
 
     Attributes:
         count: Observations so far.
         skipped: Records that could not be used, as the source counts them.
         refused: Fixes and readings of a second sender on its port.
         link: `waiting`, `open`, `lost` or `ended`.
+        reason: Why it is lost, for everybody: without a path.
         delay: Typical s between an observation's own time and its arrival; None: not known.
         receiver: What a receiver said of its last fix.
     """
 
-    def __init__(self, name: str, kind: str) -> None:
-        self.name, self.kind = name, kind
+    def __init__(
+        self, name: str, kind: str, report: Callable[[str], None] = lambda line: None
+    ) -> None:
+        self.name, self.kind, self._report = name, kind, report
+        self.reason: str | None = None
+        self._told: str | None = None  # the last reason that was told since it spoke
         self.count = self.skipped = self.refused = 0
         self.link = "waiting"
         self.delay: float | None = None
@@ -42,6 +49,17 @@ class Health:
         self._interval: float | None = None
         self._made: deque[float] = deque(maxlen=_MADE)
         self._counts: deque[tuple[float, int]] = deque()
+
+    def open(self) -> None:
+        """The link is there."""
+        self.link, self.reason = "open", None
+
+    def lose(self, reason: str) -> None:
+        """The link cannot be opened or is gone; a reason is told once until it speaks again."""
+        self.link, self.reason = "lost", reason
+        if reason != self._told:
+            self._told = reason
+            self._report(f"{self.name}: {reason}; it is opened again as soon as that is possible")
 
     def heard(
         self, count: int, now: float, delay: float | None = None, made: float | None = None
@@ -57,6 +75,7 @@ class Health:
         if made is not None:
             self._made.append(made)
         self.count += count
+        self._told = None
         paused = self._last is not None and now - self._last > self._patience()
         if paused and len(self._counts) > 1:
             self._counts.clear()  # one pause says nothing about the usual interval
@@ -116,6 +135,7 @@ class Health:
             name=self.name,
             kind=self.kind,
             state=state,
+            reason=self.reason if state == "lost" else None,
             ok=state == "ok",
             rate_hz=round(self.rate(now), 2),
             age_s=None if age is None else round(age, 3),

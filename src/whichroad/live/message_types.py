@@ -103,6 +103,7 @@ class SensorMessage(TypedDict):
     name: str
     kind: str  # gnss, wheels, readings (of further sensors), or file
     state: str  # waiting, ok, silent, lost, ended
+    reason: str | None  # why it is lost
     ok: bool
     rate_hz: float
     age_s: float | None  # since it last spoke

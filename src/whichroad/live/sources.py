@@ -6,6 +6,7 @@ are never collected: what the filter cannot take in time is left to the sender, 
 
 import asyncio
 import contextlib
+import os
 import re
 import socket
 import threading
@@ -62,6 +63,11 @@ def nmea_address(text: str, option: str = "--nmea") -> Address:
     """
     if (found := _ADDRESS.fullmatch(text)) and int(found[3]) < 65_536:
         return Address(found[1], found[2].strip("[]") or "127.0.0.1", int(found[3]))
+    if scheme := re.match(r"(tcp|udp|listen)://", text):
+        raise SettingError(
+            f"{option} is {text!r}, without a port from 0 to 65535; {scheme[0]}HOST:PORT was "
+            "expected; add the port"
+        )
     if found := _SERIAL.fullmatch(text):
         return Address("serial", found[1], int(found[2] or 9600))
     raise SettingError(
@@ -121,7 +127,7 @@ class NmeaInput:
         """Take bytes that came at `arrival` (now unless given)."""
         now = time.perf_counter()
         self._arrival = now if arrival is None else arrival
-        self._health.link = "open"
+        self._health.open()
         self._allowance += (now - self._filled) * _MOST_BYTES
         self._allowance, self._filled = min(self._allowance, _MOST_BYTES), now
         if len(data) > self._allowance:
@@ -136,7 +142,7 @@ class NmeaInput:
             self._health.refused += len(sensed)
         elif sensed:
             wheels = self._sensors()
-            wheels.link = "open"
+            wheels.open()
             self._deliver(wheels, sensed, self._arrival)
         readings = self._stream.readings()
         if readings and (self.port is None or self.port.hears(self)):
@@ -169,13 +175,33 @@ class NmeaInput:
             self._deliver(self._health, fixes, self._arrival)
 
 
-async def _drain(reader: asyncio.StreamReader, into: NmeaInput) -> None:
-    """Take what a connection sends until it ends, breaks or is silent for too long."""
-    with contextlib.suppress(OSError, TimeoutError):
+def _reason(error: Exception) -> str:
+    """Why a source cannot be opened or read, without its path."""
+    number = getattr(error, "errno", None)
+    if number is not None and number > 0:
+        return os.strerror(number)
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__
+
+
+def _cannot_open(address: Address, error: OSError) -> SettingError:
+    return SettingError(
+        f"{address.kind}://{address.place}:{address.number} cannot be opened ({_reason(error)}); a "
+        "free address of this machine was expected; choose another"
+    )
+
+
+async def _drain(reader: asyncio.StreamReader, into: NmeaInput) -> str:
+    """Take what a connection sends until it ends, breaks or is silent for too long; why."""
+    try:
         while data := await asyncio.wait_for(reader.read(1 << 14), _DEAD):
             into.feed(data)
             if into.exhausted:
                 await asyncio.sleep(into.exhausted)
+    except TimeoutError:
+        return f"nothing came for {_DEAD:g} s"
+    except OSError as error:
+        return _reason(error)
+    return "the other side has closed the connection"
 
 
 async def read_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
@@ -188,14 +214,15 @@ async def read_tcp(address: Address, health: Health, make: Callable[[], NmeaInpu
                 address.place, address.number, limit=1 << 16
             )
             _keep_alive(writer.get_extra_info("socket"))
-            health.link, wait = "open", _FIRST
-            await _drain(reader, make())
-        except (OSError, TimeoutError):  # it could not be opened
-            pass
+            health.open()
+            wait = _FIRST
+            why = await _drain(reader, make())
+        except OSError as error:
+            why = _reason(error)
         finally:
             if writer is not None:
                 writer.close()
-        health.link = "lost"
+        health.lose(why)
         await asyncio.sleep(wait)
         wait = min(2.0 * wait, _MOST)
 
@@ -218,9 +245,11 @@ def _drop_oldest(peers: dict[Any, NmeaInput]) -> Any:
 async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
     """Let receivers connect to us, for ever; each has a decoder, one of them is listened to."""
     peers: dict[asyncio.StreamWriter, NmeaInput] = {}
+    served: set[Any] = set()
     port = OneSender()
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        served.add(asyncio.current_task())
         dropped = _drop_oldest(peers)
         if dropped is not None:
             dropped.transport.abort()
@@ -233,10 +262,20 @@ async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaIn
             port.leaves(into)
             peers.pop(writer, None)
             writer.transport.abort()
+            served.discard(asyncio.current_task())
 
-    server = await asyncio.start_server(serve, address.place, address.number, limit=1 << 16)
-    async with server:
-        await server.serve_forever()
+    try:
+        server = await asyncio.start_server(serve, address.place, address.number, limit=1 << 16)
+    except OSError as error:
+        raise _cannot_open(address, error) from None
+    try:
+        await asyncio.Event().wait()
+    finally:
+        server.close()
+        for writer in peers:
+            writer.transport.abort()  # its task ends by itself: one that is cancelled is logged
+        if served:
+            await asyncio.wait(served)
 
 
 async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
@@ -253,9 +292,12 @@ async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInpu
                 into.port = port
             into.feed(data if data.endswith(b"\n") else data + b"\r\n")
 
-    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-        Datagrams, local_addr=(address.place, address.number)
-    )
+    try:
+        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            Datagrams, local_addr=(address.place, address.number)
+        )
+    except OSError as error:
+        raise _cannot_open(address, error) from None
     try:
         await asyncio.Event().wait()
     finally:
@@ -273,12 +315,15 @@ async def read_serial(address: Address, health: Health, make: Callable[[], NmeaI
         while not stop.is_set():
             try:
                 with serial.Serial(address.place, address.number, timeout=0.2) as port:
-                    wait, health.link = _FIRST, "open"
+                    wait = _FIRST
+                    health.open()
                     while not stop.is_set():
                         if data := port.read(max(1, port.in_waiting)):
                             pass_on(data, time.perf_counter())
-            except (serial.SerialException, OSError, TypeError):  # TypeError: closed under a read
-                health.link = "lost"
+            except TypeError:  # closed under a read
+                health.lose("the port was closed")
+            except (serial.SerialException, OSError) as error:
+                health.lose(_reason(error))
             stop.wait(wait)
             wait = min(2.0 * wait, 1.0)
 
@@ -301,12 +346,13 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
                 with can.Bus(
                     interface=address.interface, channel=address.place, can_filters=wanted
                 ) as bus:
-                    wait, health.link = _FIRST, "open"
+                    wait = _FIRST
+                    health.open()
                     while not stop.is_set():
                         if (frame := bus.recv(0.2)) is not None:
                             pass_on(frame, time.perf_counter())
-            except (can.CanError, OSError, ValueError):
-                health.link = "lost"
+            except (can.CanError, OSError, ValueError) as error:
+                health.lose(_reason(error))
             stop.wait(wait)
             wait = min(2.0 * wait, 1.0)
 
@@ -315,7 +361,8 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
             return
         extended = _EXTENDED if frame.is_extended_id else 0
         readings = stream.feed(frame.arbitration_id | extended, frame.timestamp, bytes(frame.data))
-        health.link, health.skipped = "open", stream.skipped
+        health.open()
+        health.skipped = stream.skipped
         if readings:
             deliver(health, readings, arrival)
 

@@ -127,7 +127,7 @@ class Signals:
             state = "ok" if ok else "waiting" if age is None else "silent"
             sensors.append(
                 {
-                    "name": kind, "kind": kind, "state": state, "ok": ok,
+                    "name": kind, "kind": kind, "state": state, "reason": None, "ok": ok,
                     "rate_hz": round(recent / _RATE_WINDOW, 1),
                     "age_s": None if age is None else round(age, 2),
                     "count": count, "refused": 0, "skipped": 0, "delay_s": None,

@@ -1,0 +1,87 @@
+"""Sources that cannot be opened say why, once; they are tried again."""
+
+import asyncio
+import os
+import socket
+import time
+
+import pytest
+
+from live.service import Served, free_port
+from whichroad import SettingError
+from whichroad.live.decode import NmeaStream
+from whichroad.live.health import Health
+from whichroad.live.sources import NmeaInput, nmea_address, read_tcp
+
+
+@pytest.mark.parametrize("text", ["tcp://127.0.0.1", "udp://", "listen://:70000", "tcp://[::1]"])
+def test_an_address_without_a_port_is_told_to_lack_one(text):
+    with pytest.raises(SettingError, match=r"without a port from 0 to 65535; .*add the port"):
+        nmea_address(text)
+
+
+def test_a_reason_is_told_once_until_it_changes_or_the_input_has_spoken():
+    said = []
+    health = Health("port", "gnss", said.append)
+    for reason in ("No such device", "No such device", "Permission denied", "Permission denied"):
+        health.lose(reason)
+        assert health.message(0.0)["reason"] == reason
+    health.open()
+    assert health.message(0.0)["reason"] is None
+    health.lose("Permission denied")
+    assert len(said) == 2
+    health.heard(1, 0.0)
+    health.lose("Permission denied")
+    assert len(said) == 3
+
+
+def test_a_server_that_refuses_is_tried_again_and_named_once():
+    said, writers, port = [], [], free_port()
+    health = Health(f"tcp 127.0.0.1:{port}", "gnss", said.append)
+
+    async def run():
+        address = nmea_address(f"tcp://127.0.0.1:{port}")
+        into = NmeaInput(health, NmeaStream(), lambda *_: None)
+        task = asyncio.create_task(read_tcp(address, health, lambda: into))
+        while health.link != "lost":
+            await asyncio.sleep(0.01)
+        server = await asyncio.start_server(lambda _, w: writers.append(w), "127.0.0.1", port)
+        while health.link != "open":
+            await asyncio.sleep(0.01)
+        while not writers:
+            await asyncio.sleep(0.01)
+        task.cancel()
+        writers[0].close()
+        server.close()
+
+    asyncio.run(asyncio.wait_for(run(), 60.0))
+    assert said == [
+        f"tcp 127.0.0.1:{port}: Connection refused; it is opened again as soon as that is possible"
+    ]
+
+
+@pytest.mark.slow
+def test_devices_that_are_not_there_are_named_on_stderr_and_by_health(files, tmp_path):
+    drive, port = files / "drive", free_port()
+    sources = ("--nmea", "/dev/ttyNOPE", "--nmea", f"tcp://127.0.0.1:{port}", "--can", "nope0")
+    more = ("--dbc", drive / "vehicle.dbc", "--vehicle", drive / "vehicle.toml")
+    with Served("--map", files / "town.map", *sources, *more) as served:
+        told = served.until(lambda said: all(s["reason"] for s in said["sensors"]), "/health")
+        time.sleep(1.0)  # tries that say nothing
+        _, said = served.stop()
+    reasons = {one["name"]: one["reason"] for one in told["sensors"]}
+    assert reasons["serial ttyNOPE"] == "No such file or directory"
+    assert reasons[f"tcp 127.0.0.1:{port}"] == "Connection refused"
+    assert reasons["socketcan nope0"] in ("No such device", os.strerror(97))
+    for name, reason in reasons.items():
+        assert said.count(f"{name}: {reason}; it is opened again") == 1
+
+
+@pytest.mark.slow
+def test_a_port_that_another_has_is_named(files):
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        with Served("--map", files / "town.map", "--nmea", f"listen://127.0.0.1:{port}") as served:
+            _, said = served.process.communicate(timeout=120)
+            assert served.process.returncode == 1
+    assert f"listen://127.0.0.1:{port} cannot be opened (Address already in use)" in said
