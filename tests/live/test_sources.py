@@ -1,17 +1,19 @@
-"""Sources that cannot be opened say why, once; they are tried again."""
+"""Sources that cannot be opened say why, once; they are tried again, and end without a word."""
 
 import asyncio
 import os
+import signal
 import socket
 import time
 
 import pytest
 
-from live.service import Served, free_port
+from live.service import Served, free_port, on_air
 from whichroad import SettingError
 from whichroad.live.decode import NmeaStream
 from whichroad.live.health import Health
 from whichroad.live.sources import NmeaInput, nmea_address, read_tcp
+from whichroad.simulate.drive_files import nmea_text
 
 
 @pytest.mark.parametrize("text", ["tcp://127.0.0.1", "udp://", "listen://:70000", "tcp://[::1]"])
@@ -75,6 +77,27 @@ def test_devices_that_are_not_there_are_named_on_stderr_and_by_health(files, tmp
     assert reasons["socketcan nope0"] in ("No such device", os.strerror(97))
     for name, reason in reasons.items():
         assert said.count(f"{name}: {reason}; it is opened again") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_a_service_ends_in_order_while_receivers_are_connected(files, ride, tmp_path, end):
+    port = free_port()
+    options = ("--nmea", f"listen://127.0.0.1:{port}", "--state", tmp_path / "state")
+    with Served("--map", files / "town.map", *options) as served:
+        bursts = on_air(nmea_text(ride).encode(), int(time.time()) - 60)
+        callers = [socket.create_connection(("127.0.0.1", port)) for _ in range(3)]
+        for caller in callers:
+            caller.sendall(next(bursts))
+        served.until(lambda said: said["fix"] is not None)
+        begun = time.time()
+        served.process.send_signal(end)
+        _, said = served.process.communicate(timeout=120)
+        for caller in callers:
+            caller.close()
+    assert served.process.returncode == 0
+    assert said.splitlines() == ["there is no earlier state", "Ctrl-C stops the service"]
+    assert (tmp_path / "state").stat().st_mtime > begun - 0.05
 
 
 @pytest.mark.slow

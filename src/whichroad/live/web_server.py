@@ -6,7 +6,9 @@ request whose body ends too early is answered with 400.
 
 import asyncio
 import json
+import signal
 import socket
+from types import FrameType
 from typing import Any
 
 import h11
@@ -115,6 +117,18 @@ class Http(H11Protocol):
         super().connection_lost(exc)
 
 
+class Server(uvicorn.Server):
+    """A server that a signal stops, and no more than that: it is not raised again afterwards.
+
+    So all that runs beside the server ends in order, too.
+    """
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop; a second Ctrl-C waits for nothing."""
+        self.force_exit = self.should_exit and sig == signal.SIGINT
+        self.should_exit = True
+
+
 def web_server(app: Starlette, *, lifespan: bool = False) -> uvicorn.Server:
     """A server of an application; it serves the sockets that it is given.
 
@@ -129,7 +143,7 @@ def web_server(app: Starlette, *, lifespan: bool = False) -> uvicorn.Server:
         limit_concurrency=_MOST_CONNECTIONS, timeout_keep_alive=10, server_header=False,
         timeout_graceful_shutdown=1, h11_max_incomplete_event_size=16_384,
     )  # fmt: skip
-    return uvicorn.Server(config)
+    return Server(config)
 
 
 def listen(host: str, port: int) -> socket.socket:
