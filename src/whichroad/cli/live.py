@@ -161,7 +161,9 @@ def live(
         plan = _plan(roads, car, pose, lag, more, places)
         plan.name = first
         plan.recording = _recorded(play, fittings, plan.localizer.vehicle, more)
-        if plan.recording is None:
+        if plan.recording is not None:
+            _check_on_map(plan.recording, plan.localizer.roads)
+        else:
             plan.nmea, plan.can = _inputs(fittings, first)
             plan.readings = _readings(fittings, first)
         plan.others = [_other(plan, fittings, name, lag, more) for name in names[1:]]
@@ -263,6 +265,18 @@ def _recorded(
     if len(drives) > 1:
         raise typer.BadParameter(f"{len(drives)} drives are in the files; one was expected")
     return drives[0]
+
+
+def _check_on_map(drive: "Drive", roads: "RoadMap") -> None:
+    """As `match` does: a drive off the map is refused, a part of it told."""
+    from ..roadmap.extent import fixes_outside, outside_note
+
+    fixes = drive.fixes
+    if fixes is None or not len(fixes):
+        return
+    outside = fixes_outside(drive.drive_id, fixes.lat_deg, fixes.lon_deg, roads)
+    if outside:
+        _report(f"note: {outside_note(outside, len(fixes))}")
 
 
 def _inputs(

@@ -23,6 +23,7 @@ from .health import Health, Latency
 from .heard_sensors import HeardSensors
 from .message_types import UNKNOWN, EstimateMessage, PlayMessage
 from .messages import Around, Messages
+from .outside_map import OutsideMap
 from .recording import Recorder
 from .reorder_buffer import ReorderBuffer
 from .troubles import Troubles
@@ -85,6 +86,7 @@ class FilterLoop:
         self.heard = HeardSensors(localizer.sensors)
         self.reckoning = DeadReckoning(localizer.roads.plane, localizer.vehicle)
         self.latency = Latency()
+        self._outside = OutsideMap(localizer.roads, self.troubles)
         self.sensors: dict[str, Health] = {}
         self.sinks: list[Sink] = []
         self.seq, self.gnss_masked = 0, False
@@ -193,6 +195,8 @@ class FilterLoop:
             if not buffer.take(one):
                 continue
             self._hear(one.time)
+            if isinstance(one, GeoFix):
+                self._outside.take(one)
             if recorder is not None and buffer.now - self.recorded >= _RECORDED:
                 self.recorded = buffer.now
                 recorder.record_estimate(self.localizer)

@@ -11,12 +11,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import uvicorn
 from starlette.routing import BaseRoute
 
 from ..errors import SettingError
 from ..observations import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
 from ..online import Localizer
+from ..roadmap.extent import are_near
 from .access import is_local
 from .app import Service, application
 from .checkpoint import EVERY
@@ -267,6 +269,7 @@ def warm_up(localizer: Localizer) -> None:
             double.take(fix)
             Messages(roads).estimate(double.predict(when + 0.1), Around(fix=fix))
             _ = None if lag is None else (double.lagged(), double.decided_until)
+    are_near(np.array([lat]), np.array([lon]), roads)
     double = Localizer(roads, vehicle=car, settings=localizer.settings, lag=lag)
     for i in range(3):
         double.take(GeoFix(float(i), lat, lon, 4.0, 0.0, 4.0))

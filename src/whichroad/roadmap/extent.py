@@ -124,19 +124,32 @@ def distance(roads: RoadMap, lat_deg: float, lon_deg: float) -> float:
     return float(found[0].distance)
 
 
-def _refusal(name: str, lat_deg: Array, lon_deg: Array, roads: RoadMap) -> str:
-    """That none of some fixes lies on the map, and what may be the cause."""
+def outside_reason(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> str:
+    """How far some fixes are from the map that are all off it, and what may be the cause.
+
+    Args:
+        lat_deg: (n,) of the fixes, n > 0.
+        lon_deg: (n,)
+        roads: The map.
+    """
     tried = np.unique(np.linspace(0, len(lat_deg) - 1, _TRIED).round().astype(int))
     tried = np.append(tried, np.argmin(_beyond(roads, lat_deg, lon_deg)))
     places = [(float(lat_deg[k]), float(lon_deg[k])) for k in tried.tolist()]
     away, lat, lon = min((distance(roads, *place), *place) for place in places)
     swapped = abs(lon) <= 90.0 and distance(roads, lon, lat) <= NEAR
     hint = "were latitude and longitude swapped?" if swapped else "is this the right extract?"
+    return (
+        f"the nearest, lat {lat:.4f}, lon {lon:.4f}, is {_text(away)} from the map; a map that "
+        f"holds the drive was expected; {hint}"
+    )
+
+
+def _refusal(name: str, lat_deg: Array, lon_deg: Array, roads: RoadMap) -> str:
+    """That none of some fixes lies on the map, and what may be the cause."""
     fixes = "its fix" if len(lat_deg) == 1 else f"its {len(lat_deg):,} fixes"
     return (
-        f"{name}: none of {fixes} is within {NEAR / 1e3:g} km of a road; the nearest, lat "
-        f"{lat:.4f}, lon {lon:.4f}, is {_text(away)} from the map; a map that holds the drive was "
-        f"expected; {hint}"
+        f"{name}: none of {fixes} is within {NEAR / 1e3:g} km of a road; "
+        f"{outside_reason(lat_deg, lon_deg, roads)}"
     )
 
 
