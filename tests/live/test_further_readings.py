@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from whichroad.live.heard_sensors import HeardSensors
 from whichroad.live.playback import RecordedObservations
 from whichroad.live.reading_lines import ReadingLines
 from whichroad.live.recording import Recorder
+from whichroad.live.troubles import Troubles
 from whichroad.readers.can_frames import read_frames
 from whichroad.readers.receiver_told import ReceiverTold
 from whichroad.sensors import Compass, DualAntenna, SensorReading, Sky
@@ -213,3 +215,35 @@ def test_readings_without_a_sensor_are_refused_before_anything_is_opened(tmp_pat
     done = CliRunner().invoke(app, [*given, "udp://:2"])
     assert "--readings goes with --sensor" in done.output
     assert done.exit_code == 2
+
+
+class Broken:
+    """A plug-in that fails at every other reading."""
+
+    name, columns = "broken", ("count",)
+
+    def rows(self, reading):
+        """None, or an error."""
+        if reading["count"] % 2:
+            raise RuntimeError(f"no {reading['count']:g}")
+        return []
+
+
+def test_a_plug_in_that_raises_is_named_once_and_its_readings_are_counted(town, observations):
+    said, sensors = [], [Broken(), Compass()]
+    loop = FilterLoop(Localizer(town, sensors=sensors), troubles=Troubles(said.append))
+    port = loop.sensor("readings", "readings")
+    for k, one in enumerate(observations[:200]):
+        loop.observe([one])
+        reading = SensorReading(one.time + 0.001, {"count": float(k)})
+        loop.take(port, [reading], 0.0, recorded=True)
+    late = [one for one in observations[200:240] if isinstance(one, GeoFix)]
+    loop.observe([replace(late[0], time=observations[199].time - 0.45)])
+    assert loop.buffer.rewinds
+    health = loop.health()
+    assert health["skipped"]["sensor broken: reading that it failed at"] == 100
+    assert health["sensors"][0]["count"] == 200
+    reason = "sensor broken: rows raised RuntimeError (no 1); a list of evidence was expected"
+    assert said == [f"{reason}; correct its class; its readings are skipped"]
+    assert health["problems"] == [f"{reason}; correct its class"]
+    assert loop.localizer.answered

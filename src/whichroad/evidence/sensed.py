@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._compile import Ints32
-from ..errors import ReadError, SettingError
+from ..errors import ReadError, SettingError, WhichroadError
 from ..filter.evidence import evidence_kinds as kinds
 from ..filter.evidence.evidence_kinds import CLASSES, EVIDENCE, NO_EVIDENCE, SENSORS
 from ..filter.gnss.silence import SPARSE
@@ -118,7 +118,7 @@ class Sensed:
             place: x, y (plane) about where the vehicle is, for true north.
 
         Raises:
-            ReadError: No sensor has its name, or a sensor gives what is no evidence.
+            ReadError: No sensor has its name, or one fails or gives what is no evidence.
         """
         found: list[Row] = []
         known = False
@@ -130,10 +130,18 @@ class Sensed:
             if not any(map(math.isfinite, values.values())):
                 continue
             self._heard.add(sensor.name)
-            for evidence in sensor.rows({"time": reading.time, **values}):
-                row = self._row(number, evidence, reading.time, metres, place)
-                if row is not None:
-                    found.append(row)
+            try:
+                for evidence in sensor.rows({"time": reading.time, **values}):
+                    row = self._row(number, evidence, reading.time, metres, place)
+                    if row is not None:
+                        found.append(row)
+            except WhichroadError:
+                raise
+            except Exception as error:
+                raise ReadError(
+                    f"sensor {sensor.name}: rows raised {type(error).__name__} ({error}); a list "
+                    "of evidence was expected; correct its class"
+                ) from error
         if reading.sensor and not known:
             raise ReadError(
                 f"reading: of a sensor {reading.sensor!r}; one of "

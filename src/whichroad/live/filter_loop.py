@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..diagnosis.sensor_states import SensorState
+from ..errors import WhichroadError
 from ..observations import GeoFix, Observation
 from ..online import Estimate, Localizer
 from ..roadmap import RoadMap
@@ -81,7 +82,7 @@ class FilterLoop:
     ) -> None:
         self.localizer, self.recorder, self._clock = localizer, recorder, clock
         self.vehicle, self.troubles = vehicle, troubles or Troubles()
-        self.buffer = ReorderBuffer(localizer, window)
+        self.buffer = ReorderBuffer(localizer, window, self._sensor_failed)
         self.messages = Messages(localizer.roads, localizer.places)
         self.heard = HeardSensors(localizer.sensors)
         self.reckoning = DeadReckoning(localizer.roads.plane, localizer.vehicle)
@@ -201,6 +202,13 @@ class FilterLoop:
                 self.recorded = buffer.now
                 recorder.record_estimate(self.localizer)
         return has_fix
+
+    def _sensor_failed(self, error: WhichroadError) -> None:
+        """A further sensor raised at a reading: told once, each is counted."""
+        what, _, reason = str(error).partition(": ")
+        self.buffer.skipped[f"{what}: reading that it failed at"] += 1
+        if not self.troubles.holds(what):
+            self.troubles.begin(what, reason, f"{error}; its readings are skipped")
 
     def _hear(self, time_: float) -> None:
         """An observation of that time has come."""

@@ -11,9 +11,11 @@ time, and again at an earlier one that comes late.  No clock but that of the sen
 
 from bisect import bisect_right
 from collections import Counter, deque
+from collections.abc import Callable
 from dataclasses import replace
 
-from ..observations import Observation
+from ..errors import WhichroadError
+from ..observations import Observation, SensorReading
 from ..online import Localizer, State
 
 _EVERY = 0.05  # s between stored states
@@ -25,14 +27,18 @@ class ReorderBuffer:
     Args:
         localizer: Processes the observations.
         window: Largest delay of an observation, s; 0: late observations are skipped.
+        failed: Takes what a sensor raises at a reading of its own, which is skipped.
 
     Attributes:
         skipped: Number of skipped observations, by reason.
         rewinds: How often the localizer returned to an earlier state.
     """
 
-    def __init__(self, localizer: Localizer, window: float = 1.0) -> None:
-        self.localizer, self.window = localizer, window
+    def __init__(
+        self, localizer: Localizer, window: float = 1.0,
+        failed: Callable[[WhichroadError], None] = lambda error: None,
+    ) -> None:  # fmt: skip
+        self.localizer, self.window, self._failed = localizer, window, failed
         self.skipped: Counter[str] = Counter()
         self.rewinds = 0
         self.now = -float("inf")  # time of the newest observation
@@ -75,7 +81,15 @@ class ReorderBuffer:
         if self._asleep:
             self._asleep = False
             self.localizer.wake(observation.time)
-        return self.localizer.take(observation)
+        if not isinstance(observation, SensorReading):
+            return self.localizer.take(observation)
+        try:
+            return self.localizer.take(observation)
+        except WhichroadError as error:
+            if observation in self._taken:
+                self._taken.remove(observation)  # it would fail again
+            self._failed(error)
+            return False
 
     def _keep(self, time: float) -> None:
         """Store the state before an observation; drop states beyond the window."""

@@ -33,6 +33,10 @@ class Troubles:
             self._now[what] = reason
             self.report(line)
 
+    def holds(self, what: str) -> bool:
+        """Whether it is told as not working."""
+        return what in self._now
+
     def end(self, what: str, line: str) -> None:
         """It works; that is told where it did not."""
         if self._now.pop(what, None) is not None:
