@@ -316,7 +316,10 @@ def test_a_log_is_known_by_its_lines(put):
 @pytest.mark.parametrize(
     ("signals", "said"),
     [
-        ({"wheel_rl_ticks": "Lefd", "wheel_rr_ticks": "Right"}, "'Lefd'.*did you mean Left.*Odome"),
+        (
+            {"wheel_rl_ticks": "Lefd", "wheel_rr_ticks": "Right"},
+            "^car.dbc: .signals. wheel_rl_ticks of the vehicle is 'Lefd'.*did you mean Left.*Odome",
+        ),
         ({"speed": "Hidden"}, "'Hidden', a multiplexed signal"),
         ({}, r"names no \[signals\].*Left, LongSpeed"),
         ({"speed": "Speed"}, "none of Speed .frame Motion. moves the vehicle"),

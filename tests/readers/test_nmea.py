@@ -7,9 +7,11 @@ from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
 from whichroad.errors import ReadError
+from whichroad.evidence.sensed import columns_of
 from whichroad.observations import ASSUMED, FROM_HDOP, NO_CORRELATION
 from whichroad.readers import NmeaParser, read_drive
 from whichroad.readers.reported_fixes import as_records, from_gst
+from whichroad.sensors import DualAntenna
 from whichroad.settings import Settings
 
 KNOT = 1852 / 3600
@@ -207,6 +209,16 @@ def test_talkers_may_be_mixed(nmea, read):
     assert len(drive.fixes) == 1
     assert drive.fixes.cov_nn[0] == pytest.approx(4.0)
     assert any("GSA" in note for note in drive.notes)
+
+
+def test_sentences_that_a_sensor_would_read_are_noted_with_it_until_it_is_there(nmea, put):
+    place = f"{nmea.angle(49.4, 2, 'NS')},{nmea.angle(8.7, 3, 'EW')}"
+    bodies = [f"GNRMC,120000.00,A,{place},20.0,90.0,010626,,,A", "GPHDT,91.0,T", "GPHDT,91.0,T"]
+    path = put("drive.nmea", b"".join(map(nmea.sealed, bodies)))
+    (drive,) = read_drive(path)
+    assert drive.notes == ("sentences not needed: 2 HDT (--sensor DualAntenna reads them)",)
+    (drive,) = read_drive(path, columns=columns_of([DualAntenna()]))
+    assert drive.notes == ()
 
 
 def test_vtg_gives_speed_where_rmc_is_absent(nmea, read):

@@ -1,5 +1,7 @@
 """Units that nobody named: taken as what fits the places and what a car can do, and said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 
 from whichroad.observations import Odometer, SpeedYawRate, WheelSpeeds
 from whichroad.readers import drive_from_table, read_drive
+from whichroad.readers.odometry_fit import with_fit_notes
 from whichroad.settings import Vehicle
 
 from .driving import T0, N, town
@@ -147,6 +150,17 @@ def test_odometry_whose_scale_is_wrong_is_named():
     frame = town()
     drive = one(frame.assign(odometer_m=3.6 * np.cumsum(frame.true_speed)))
     assert any("odometry says 3.7 times the distance" in note for note in drive.notes)
+    assert any("is its unit, or metres_per_tick" in note for note in drive.notes)
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(3.6, "km/h"), (2.237, "mph")])
+def test_wheel_speeds_that_fit_in_another_unit_are_asked_for_it(factor, unit):
+    frame = town()
+    drive = one(frame)
+    speed = factor * frame.true_speed.to_numpy()
+    odometry = WheelSpeeds(drive.fixes.time, speed, speed)
+    noted = with_fit_notes(replace(drive, odometry=odometry), Vehicle())
+    assert any(f"; is its speed in {unit}?" in note for note in noted.notes)
 
 
 @pytest.mark.parametrize("factor", [3.6, 1.0])

@@ -168,17 +168,17 @@ def find_signals(
     found = {}
     for role, name in roles.items():
         part = "[sensors]" if role.startswith(SENSED) else "[signals]"
-        about = f"vehicle.toml: {part} {role.removeprefix(SENSED)} is {name!r}"
+        about = f"{where}: {part} {role.removeprefix(SENSED)} of the vehicle is {name!r}"
         if name not in known:
             close = difflib.get_close_matches(name, names, 3, 0.5)
             hint = f"did you mean {' or '.join(close)}? " if close else ""
             raise ReadError(
-                f"{about}, which {where} does not know; {hint}it offers {listed(names, 40)}"
+                f"{about}, which this .dbc does not know; {hint}it offers {listed(names, 40)}"
             )
         signal = known[name]
         if signal.about.multiplexer_ids:
             raise ReadError(
-                f"{about}, a multiplexed signal of {where}; "
+                f"{about}, a multiplexed signal; "
                 "a signal that is in every frame of its message was expected"
             )
         found[role] = signal
@@ -282,7 +282,7 @@ def _reversing(
         number = choices[wanted] if wanted in choices else float(wanted)
     except ValueError:
         raise ReadError(
-            f"vehicle.toml: [signals] reverse_value is {wanted!r}; a number or one of "
+            f"vehicle: [signals] reverse_value is {wanted!r}; a number or one of "
             f"its named values ({listed(sorted(choices))}) was expected"
         ) from None
     return time, np.asarray(value == number)

@@ -6,7 +6,7 @@ before it.  The date comes from RMC or ZDA and is carried over midnight.
 """
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from ..settings import Settings
 from ..wording import by_reason
 from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
-from .receiver_told import ReceiverTold, wanted
+from .receiver_told import READ_BY, ReceiverTold, wanted
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
 from .source import Source
 
@@ -74,7 +74,7 @@ def read_nmea(file: Any, settings: Settings | None = None, columns: Iterable[str
         fixes=fixes,
         sources=(source.path,),
         skipped=dict(parser.skipped),
-        notes=(*parser.notes(), *((_NO_CHECKSUMS,) if bare else ())),
+        notes=(*parser.notes(names), *((_NO_CHECKSUMS,) if bare else ())),
         sensed=tuple(sorted(told, key=lambda one: one.time)),
     )
 
@@ -159,12 +159,20 @@ class NmeaParser:
         reported = _report(sentences, self._calendar, self.skipped)
         return make_fixes(reported, self._settings, self.skipped)
 
-    def notes(self) -> tuple[str, ...]:
-        """What a reader of the result should know."""
-        notes = []
-        if self.others:
-            kinds = ", ".join(f"{count} {kind}" for kind, count in self.others.most_common(8))
-            notes.append(f"sentences not needed: {kinds}")
+    def notes(self, told: Collection[str] = ()) -> tuple[str, ...]:
+        """What a reader of the result should know.
+
+        Args:
+            told: Columns of `readers.receiver_told` that sensors have asked for.
+        """
+        notes, kinds = [], []
+        for kind, count in self.others.most_common(8):
+            column, sensor = READ_BY.get(kind, ("", ""))
+            if column not in told:
+                hint = f" (--sensor {sensor} reads them)" if sensor else ""
+                kinds.append(f"{count} {kind}{hint}")
+        if kinds:
+            notes.append(f"sentences not needed: {', '.join(kinds)}")
         if not self._calendar.dated:
             notes.append("no date in the log (no RMC, no ZDA): days are counted from 1970-01-01")
         return tuple(notes)

@@ -16,11 +16,13 @@ from ..observations import (
     OdometryLog,
     SpeedYawRate,
     WheelCounts,
+    WheelSpeeds,
     WithGyro,
 )
 from ..settings import Vehicle
 from .drive_columns import unused
 from .units_by_places import (
+    SPEED_UNITS,
     Track,
     Windows,
     distance_ratio,
@@ -34,6 +36,7 @@ _SECOND = "a second yaw rate not used: that beside the speed is"
 _COVERED = 0.9  # share of the fixes' time, below which odometry is said to cover a part
 _FEWEST = 10  # fixes
 _SCALE = (0.8, 1.25)  # odometry over places, beyond which it is said
+_ABOUT = 0.06  # of the ratio that a unit explains
 _SPARSE_SCALE = (0.5, 3.0)  # the same of a receiver's speed where fixes are far apart
 _MOST_LATE = 5.0  # s, the largest offset that is looked for
 _COARSE, _FINE = 0.5, 0.1  # s between offsets that are tried
@@ -99,7 +102,7 @@ def _notes(drive: Drive, vehicle: Vehicle) -> list[str]:
     track = Track(fixes.time[part], fixes.lat_deg[part], fixes.lon_deg[part])
     if len(track.time) >= _FEWEST:
         speed = fixes.speed[part], fixes.sigma_speed[part]
-        notes += [_clock(track, speed, time, way), _scale(windows_of(track), time, way)]
+        notes += [_clock(track, speed, time, way), _scale(windows_of(track), time, way, odometry)]
     return [note for note in notes if note]
 
 
@@ -174,12 +177,13 @@ def _clock(track: Track, doppler: tuple[Array, Array], time: Array, way: Array) 
     )
 
 
-def _scale(windows: Windows, time: Array, way: Array) -> str:
+def _scale(windows: Windows, time: Array, way: Array, odometry: OdometryLog) -> str:
     """What is said of odometry that is far longer or shorter than the way of the fixes."""
     ratio = distance_ratio(windows, time, way)
     if not math.isfinite(ratio) or _SCALE[0] <= ratio <= _SCALE[1] or windows.sparse:
         return ""
-    return (
-        f"odometry says {ratio:.2g} times the distance of the fixes; is its unit, or "
-        "metres_per_tick of vehicle.toml, right?"
-    )
+    units = [unit for unit, si in SPEED_UNITS.items() if abs(ratio * si - 1.0) < _ABOUT]
+    hint = "is its unit, or metres_per_tick of vehicle.toml, right?"
+    if units and isinstance(odometry, WheelSpeeds | SpeedYawRate):
+        hint = f"is its speed in {units[0]}?"
+    return f"odometry says {ratio:.2g} times the distance of the fixes; {hint}"

@@ -19,6 +19,12 @@ from .names import SENSED
 NAMES = ("satellites", "height_m", "cn0_dbhz", "antennas_deg", "compass_deg", "antennas_sigma_deg")
 _HEADINGS = {"THS": "antennas_deg", "HDT": "antennas_deg", "HDG": "compass_deg"}
 _KINDS = (b"GGA", b"RMC", b"GSV", b"THS", b"HDT", b"HDG")
+READ_BY = {
+    "THS": ("antennas_deg", "DualAntenna"), "HDT": ("antennas_deg", "DualAntenna"),
+    "HDG": ("compass_deg", "Compass"), "GSV": ("cn0_dbhz", "Sky"),
+}  # fmt: skip
+"""Sentences that fixes do not need: their column, and the class of a sensor that reads it."""
+
 _DAY = 86_400.0
 _BEST = 4  # satellites that a mean is of
 _LONGEST = 1 << 12  # bytes without a line break that are held back
