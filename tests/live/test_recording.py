@@ -7,7 +7,9 @@ import pytest
 import whichroad
 from whichroad import Localizer, WriteError, match, read_drive
 from whichroad.evaluate.input_tables import read_table
+from whichroad.live.checkpoint import Checkpoint
 from whichroad.live.recording import Appended, Recorder
+from whichroad.live.vehicle_run import Fitted, VehicleRun
 from whichroad.tables.schema import read_arrow
 
 
@@ -131,3 +133,48 @@ def test_a_recording_holds_the_turns_of_a_gyro(town, tmp_path):
     (drive,) = read_drive(tmp_path / "rec")
     assert drive.odometry.gyro.rate == pytest.approx(np.full(20, 0.1))
     assert drive.odometry.distance.distance == pytest.approx(2.0 * np.arange(20))
+
+
+class Drives:
+    """A service that is started again and again with the same options."""
+
+    def __init__(self, town, folder):
+        self.town, self.folder, self.said = town, folder, []
+
+    def drive(self, observations):
+        """Start, drive and end; returns the names of what is there."""
+        fitted = Fitted(
+            Localizer(self.town), record=self.folder / "rec", state=self.folder / "state"
+        )
+        run = VehicleRun(fitted, window=1.0, rate=10.0, report=self.said.append)
+        run.resume()
+        run.filter_loop.observe(observations)
+        run.keep()
+        return sorted(one.name for one in self.folder.iterdir() if one.is_dir())
+
+
+def test_another_drive_gets_a_folder_of_its_own_and_a_resumed_one_goes_on(
+    town, observations, tmp_path
+):
+    drives = Drives(town, tmp_path)
+    assert drives.drive(observations[:200]) == ["rec"]
+    assert drives.drive(observations[200:300]) == ["rec"]
+    (tmp_path / "state").unlink()
+    assert drives.drive(observations[:100]) == ["rec", "rec.2"]
+    assert drives.said[-1] == f"{tmp_path / 'rec'}: holds an earlier drive; recording in " + str(
+        tmp_path / "rec.2"
+    )
+    assert drives.drive(observations[100:150]) == ["rec", "rec.2"]
+    (tmp_path / "state").unlink()
+    assert drives.drive(observations[:10]) == ["rec", "rec.2", "rec.3"]
+    rows = []
+    for name in ("rec", "rec.2"):
+        (drive,) = read_drive(tmp_path / name)
+        rows.append(len(drive.fixes) + len(drive.odometry.time))
+    assert rows == [300, 150]
+
+
+def test_a_state_is_not_put_into_a_folder_that_is_not_there(town, tmp_path):
+    with pytest.raises(WriteError, match=r"nowhere' does not exist; .*create it first"):
+        Checkpoint(tmp_path / "nowhere" / "state", Localizer(town))
+    assert list(tmp_path.iterdir()) == []

@@ -12,6 +12,7 @@ from typing import Any
 
 from ..errors import MapError, ReadError, WriteError
 from ..online import Localizer, State
+from ..writers import check_place
 from .decode import CanStream
 
 EVERY = 0.5  # s
@@ -24,7 +25,7 @@ class Checkpoint:
     """One file that always holds a whole state.
 
     Args:
-        path: The file; its folder must be writable.
+        path: The file; its folder must be there and writable.
         localizer: Whose state it is.
         buses: Streams whose counters are kept with it, by name.
 
@@ -45,8 +46,8 @@ class Checkpoint:
         self._buses = {} if buses is None else buses
         self.counted: dict[str, dict[str, list[float]]] = {}
         self.age, self.published = 0.0, -math.inf
+        check_place(path, force=True)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             self._part.write_bytes(b"")
             self._part.unlink()
         except OSError as error:

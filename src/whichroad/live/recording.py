@@ -136,6 +136,39 @@ def whole_until(path: Path, schema: pa.Schema) -> tuple[int, pa.RecordBatch | No
     return end, last
 
 
+def make_folder(folder: Path) -> None:
+    """Make the folder of a recording, if it is not there.
+
+    Raises:
+        WriteError: It cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _no_folder(folder, error) from None
+
+
+def folder_of(folder: Path, *, resumed: bool) -> Path:
+    """Where to record: DIR, or DIR.2, DIR.3, ... where that holds an earlier drive.
+
+    Args:
+        folder: DIR; it is there.
+        resumed: Whether the last drive goes on, in its own folder.
+    """
+    numbers = [one.name.removeprefix(f"{folder.name}.") for one in folder.parent.iterdir()]
+    last = max((int(n) for n in numbers if n.isdecimal()), default=1)
+    if last == 1 and (resumed or not (folder / ABOUT).exists()):
+        return folder
+    return folder.with_name(f"{folder.name}.{last if resumed else last + 1}")
+
+
+def _no_folder(folder: Path, error: OSError) -> WriteError:
+    return WriteError(
+        f"{folder}: cannot be written to ({error.strerror}); a folder was expected; "
+        "choose another with --record"
+    )
+
+
 class Recorder:
     """Collects what is to be recorded, and writes it now and then.
 
@@ -155,14 +188,11 @@ class Recorder:
     def __init__(
         self, folder: Path, roads: RoadMap, about: dict[str, Any], columns: Sequence[str] = ()
     ) -> None:
+        make_folder(folder)
         try:
-            folder.mkdir(parents=True, exist_ok=True)
             (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
         except OSError as error:
-            raise WriteError(
-                f"{folder}: cannot be written to ({error.strerror}); a folder was expected; "
-                "choose another with --record"
-            ) from None
+            raise _no_folder(folder, error) from None
         self._roads, self._name = roads, folder.name
         self._fixes = Appended(folder / "fixes.arrow", _schema(_FIXES))
         self._odometry = Appended(folder / "odometry.arrow", _schema(_COLUMNS))

@@ -148,7 +148,7 @@ class Run:
         """Serve until stopped."""
         plan, first = self.plan, self.vehicles[0]
         for vehicle in self.vehicles:
-            vehicle.resume(plan.report)
+            vehicle.resume()
         inputs = self._inputs()
         others = {
             str(one.fitted.name): (one.filter_loop, one.broadcaster) for one in self.vehicles[1:]

@@ -16,7 +16,7 @@ from .filter_loop import FilterLoop
 from .health import Health
 from .nmea_output import NmeaOutput
 from .reading_lines import ReadingLines
-from .recording import Recorder
+from .recording import Recorder, folder_of, make_folder
 from .sources import READERS, Address, Deliver, NmeaInput, read_can
 from .troubles import Troubles
 
@@ -68,33 +68,45 @@ class VehicleRun:
     ) -> None:  # fmt: skip
         self.fitted, self._played = fitted, played
         self.troubles = Troubles(report, fitted.name)
-        recorder = None
-        if fitted.record is not None:
-            about = {"map": repr(fitted.localizer.roads), "begun": time.time()}
-            columns = tuple(fitted.localizer.sensor_columns.values())
-            recorder = Recorder(fitted.record, fitted.localizer.roads, about, columns)
         self.filter_loop = FilterLoop(
-            fitted.localizer, window=0.0 if played else window, rate=rate, recorder=recorder,
-            vehicle=fitted.name, troubles=self.troubles,
+            fitted.localizer, window=0.0 if played else window, rate=rate, vehicle=fitted.name,
+            troubles=self.troubles,
         )  # fmt: skip
-        if recorder is not None and not played:
-            self.filter_loop.recorded = recorder.until
+        self._folder = fitted.record
+        if fitted.record is not None:
+            make_folder(fitted.record)
         self.broadcaster = Broadcaster()
         self.buses: dict[str, CanStream] = {}
         self.checkpoint = (
             None if fitted.state is None else Checkpoint(fitted.state, fitted.localizer, self.buses)
         )
 
-    def resume(self, report: Callable[[str], None]) -> None:
-        """Take up the stored state, where there is one."""
-        if self.checkpoint is None:
-            return
-        when, message = self.checkpoint.resume(replay=self._played)
-        report(message)
-        if when is not None and self._played:
-            self.filter_loop.buffer.begin(when)
-        elif when is not None:
-            self.filter_loop.resume(when, self.checkpoint.age, self.checkpoint.published)
+    def resume(self) -> None:
+        """Take up the stored state and its recording, where there are; else begin them."""
+        when = None
+        if self.checkpoint is not None:
+            when, message = self.checkpoint.resume(replay=self._played)
+            self.troubles.report(message)
+            if when is not None and self._played:
+                self.filter_loop.buffer.begin(when)
+            elif when is not None:
+                self.filter_loop.resume(when, self.checkpoint.age, self.checkpoint.published)
+        if self.fitted.record is not None:
+            self._open_recording(self.fitted.record, resumed=when is not None)
+
+    def _open_recording(self, folder: Path, *, resumed: bool) -> None:
+        """Go on with a recording whose state was taken up; another drive gets its own folder."""
+        localizer = self.fitted.localizer
+        chosen = folder_of(folder, resumed=resumed)
+        if chosen != folder:
+            self.troubles.report(f"{folder}: holds an earlier drive; recording in {chosen}")
+        about = {"map": repr(localizer.roads), "begun": time.time()}
+        columns = tuple(localizer.sensor_columns.values())
+        recorder = Recorder(chosen, localizer.roads, about, columns)
+        self._folder = chosen
+        self.filter_loop.recorder = recorder
+        if not self._played:
+            self.filter_loop.recorded = recorder.until
 
     def inputs(self, by_arrival: bool) -> list[Coroutine[Any, Any, None]]:
         """The coroutines that bring observations, with the sensors' times or those of arrival."""
@@ -163,7 +175,7 @@ class VehicleRun:
 
     def _record(self, recorder: Recorder, write: Callable[[], None]) -> None:
         """Write rows of the recording; a full disk costs them, not the estimates."""
-        folder = self.fitted.record
+        folder = self._folder
         assert folder is not None
         self._attempt(
             write, "--record", folder, "what comes meanwhile is not recorded",
