@@ -27,12 +27,13 @@ def _in_the_foreground():
 class Served:
     """`whichroad live` as a user starts it, but for the priority of its other processes."""
 
-    def __init__(self, *arguments, gives_way=False):
+    def __init__(self, *arguments, gives_way=False, stdin=None):
         code = _CODE if gives_way else _URGENT
         command = [sys.executable, "-c", code, "live", "--port", "0", "--no-page"]
         self.process = subprocess.Popen(
-            [*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"}, preexec_fn=_in_the_foreground,
+            [*command, *map(str, arguments)], stdin=stdin, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            preexec_fn=_in_the_foreground,
         )  # fmt: skip
         self.lines = []
         line = self._line()

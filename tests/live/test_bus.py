@@ -13,9 +13,9 @@ from websockets.sync.client import connect
 
 from live.service import free_port, on_air
 from whichroad import GeoFix, Localizer, read_vehicle
+from whichroad.live.addresses import can_address, nmea_address
 from whichroad.live.decode import CanStream
 from whichroad.live.server import Plan, Run
-from whichroad.live.sources import can_address, nmea_address
 from whichroad.readers.can_frames import read_frames
 from whichroad.simulate.drive_files import nmea_text
 

@@ -9,10 +9,11 @@ import pytest
 from live.service import free_port
 from readers.test_ubx import CAR, NOON, esf, pvt, ride
 from whichroad import Distance, SpeedYaw, WheelTicks, YawRate, read_drive
+from whichroad.live.addresses import Address
 from whichroad.live.decode import NmeaStream
 from whichroad.live.health import Health
 from whichroad.live.senders import OneSender
-from whichroad.live.sources import Address, NmeaInput, listen_tcp
+from whichroad.live.sources import NmeaInput, listen_tcp
 from whichroad.writers.nmea_text import sealed
 
 

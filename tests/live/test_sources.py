@@ -1,18 +1,21 @@
 """Sources that cannot be opened say why, once; they are tried again, and end without a word."""
 
 import asyncio
+import itertools
 import os
 import signal
 import socket
+import subprocess
 import time
 
 import pytest
 
 from live.service import Served, free_port, on_air
 from whichroad import SettingError
+from whichroad.live.addresses import nmea_address
 from whichroad.live.decode import NmeaStream
 from whichroad.live.health import Health
-from whichroad.live.sources import NmeaInput, nmea_address, read_tcp
+from whichroad.live.sources import NmeaInput, read_tcp
 from whichroad.simulate.drive_files import nmea_text
 
 
@@ -98,6 +101,22 @@ def test_a_service_ends_in_order_while_receivers_are_connected(files, ride, tmp_
     assert served.process.returncode == 0
     assert said.splitlines() == ["there is no earlier state", "Ctrl-C stops the service"]
     assert (tmp_path / "state").stat().st_mtime > begun - 0.05
+
+
+@pytest.mark.slow
+def test_what_is_piped_in_is_heard_until_it_ends(files, ride):
+    with Served("--map", files / "town.map", "--nmea", "-", stdin=subprocess.PIPE) as served:
+        for burst in itertools.islice(on_air(nmea_text(ride).encode(), int(time.time()) - 60), 12):
+            os.write(served.process.stdin.fileno(), burst)
+            time.sleep(0.05)
+        told = served.until(lambda said: said["sensors"][0]["count"] >= 11)
+        assert told["sensors"][0]["name"] == "standard input"
+        served.process.stdin.close()
+        served.process.stdin = None
+        ended = served.until(lambda said: said["sensors"][0]["state"] == "ended")
+        assert ended["sensors"][0]["count"] == 12
+        code, _ = served.stop()
+    assert code == 0
 
 
 @pytest.mark.slow

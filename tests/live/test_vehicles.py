@@ -128,6 +128,12 @@ def test_a_vehicle_without_a_name_or_without_an_input_is_told(texts):
         _ = Fittings(nmea, {}, {}, {}, out, readings).names
 
 
+def test_standard_input_is_of_one_input():
+    with pytest.raises(BadParameter, match="standard input"):
+        _ = Fittings(named(["-"]), {}, {}, {}, {}, named(["-"])).names
+    assert Fittings(named(["van=-"]), {}, {}, {}, {}, {}).names == ["van"]
+
+
 def test_satellites_hdop_and_height_go_from_the_receiver_to_gga():
     stream = NmeaStream()
     good = sealed("GPGGA,080000.00,4924.5,N,00242.1,E,1,09,0.85,123.4,M,47.2,M,,")

@@ -23,9 +23,9 @@ from .console import progress_line
 from .live_vehicles import Fittings, named, own_file
 
 if TYPE_CHECKING:
+    from ..live.addresses import Address
     from ..live.nmea_output import NmeaOutput
     from ..live.server import Plan
-    from ..live.sources import Address
     from ..live.vehicle_run import Fitted
     from ..observations import Drive
     from ..roadmap import RoadMap
@@ -49,7 +49,8 @@ def live(
         typer.Option(
             metavar="SOURCE",
             help="Fixes: /dev/ttyUSB0@9600, tcp://HOST:PORT, udp://HOST:PORT, listen://HOST:PORT, "
-            "or a recorded file. May be repeated. NAME=SOURCE is of one vehicle of several.",
+            "- (standard input), or a recorded file. May be repeated. NAME=SOURCE is of one "
+            "vehicle of several.",
         ),
     ] = None,
     can: Annotated[
@@ -283,7 +284,7 @@ def _inputs(
     fittings: Fittings, name: str | None
 ) -> "tuple[list[Address], list[tuple[Address, Path]]]":
     """The sensors of a vehicle."""
-    from ..live.sources import can_address, nmea_address
+    from ..live.addresses import can_address, nmea_address
 
     nmea = [nmea_address(one) for one in fittings.nmea.get(name, ())]
     if any(address.kind == "serial" for address in nmea):
@@ -320,7 +321,7 @@ def _other(
 
 def _readings(fittings: Fittings, name: str | None) -> "list[Address]":
     """Where readings of further sensors come from, of a vehicle."""
-    from ..live.sources import nmea_address
+    from ..live.addresses import nmea_address
 
     return [nmea_address(one, "--readings") for one in fittings.readings.get(name, ())]
 

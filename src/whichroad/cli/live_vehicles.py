@@ -27,8 +27,8 @@ class Fittings:
         """The vehicles in the order in which their inputs were named.
 
         Raises:
-            BadParameter: Some inputs have a name and some have none, or an option names a
-                vehicle without input.
+            BadParameter: Some inputs have a name and some have none, an option names a
+                vehicle without input, or two inputs are standard input.
         """
         names = list(dict.fromkeys([*self.nmea, *self.can]))
         if None in names and len(names) > 1:
@@ -45,6 +45,9 @@ class Fittings:
                         f"{option} {name}=...: no --nmea and no --can is of {name!r}; the name of "
                         "a vehicle with an input was expected"
                     )
+        inputs = [*self.nmea.values(), *self.readings.values()]
+        if sum(given.count("-") for given in inputs) > 1:
+            raise typer.BadParameter("- (standard input) was given twice; once was expected")
         if len(names) > 1 and None in self.nmea_out:
             raise typer.BadParameter("--nmea-out without a vehicle; NAME=SINK was expected")
         if len(names) > 1 and None in self.readings:

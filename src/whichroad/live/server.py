@@ -20,12 +20,12 @@ from ..observations import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelT
 from ..online import Localizer
 from ..roadmap.extent import are_near
 from .access import is_local
+from .addresses import Address
 from .app import Service, application
 from .checkpoint import EVERY
 from .messages import Around, Messages
 from .nmea_output import NmeaOutput
 from .playback import Player, RecordedObservations
-from .sources import Address
 from .traces import Traces
 from .vehicle_run import Fitted, VehicleRun
 from .web_server import listen, web_server

@@ -7,16 +7,15 @@ are never collected: what the filter cannot take in time is left to the sender, 
 import asyncio
 import contextlib
 import os
-import re
 import socket
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from ..errors import SettingError
 from ..observations import Observation
+from .addresses import Address
 from .decode import CanStream, NmeaStream
 from .health import Health
 from .reading_lines import ReadingLines
@@ -30,67 +29,6 @@ _FIRST, _MOST = 0.2, 5.0  # s, first and longest wait between two tries
 _MOST_BYTES = 500_000  # bytes per second, at most; 460,800 baud are 46,000
 _MOST_PEERS = 16  # peers of a listening port, at most
 _EXTENDED = 1 << 31
-_ADDRESS = re.compile(r"(tcp|udp|listen)://(\[[^\]]*\]|[^:/]*):(\d{1,5})/?")
-_SERIAL = re.compile(r"(?:serial:)?((?:/dev/|COM|\\\\\.\\)[^@]+)(?:@(\d+))?")
-
-
-@dataclass(frozen=True, slots=True)
-class Address:
-    """A source as it was named.
-
-    Attributes:
-        kind: serial, tcp, udp, listen, can.
-        place: Device, host, or channel.
-        number: Baud rate or port.
-        interface: python-can's name of the CAN interface.
-    """
-
-    kind: str
-    place: str
-    number: int = 0
-    interface: str = ""
-
-
-def nmea_address(text: str, option: str = "--nmea") -> Address:
-    """`/dev/ttyUSB0@9600`, `tcp://host:port`, `udp://:port`, or `listen://host:port`.
-
-    Args:
-        text: As it was given.
-        option: By which.
-
-    Raises:
-        SettingError: It is none of them.
-    """
-    if (found := _ADDRESS.fullmatch(text)) and int(found[3]) < 65_536:
-        return Address(found[1], found[2].strip("[]") or "127.0.0.1", int(found[3]))
-    if scheme := re.match(r"(tcp|udp|listen)://", text):
-        raise SettingError(
-            f"{option} is {text!r}, without a port from 0 to 65535; {scheme[0]}HOST:PORT was "
-            "expected; add the port"
-        )
-    if found := _SERIAL.fullmatch(text):
-        return Address("serial", found[1], int(found[2] or 9600))
-    raise SettingError(
-        f"{option} is {text!r}, and the file does not exist; a serial port (/dev/ttyUSB0@9600), "
-        "tcp://HOST:PORT, udp://HOST:PORT, listen://HOST:PORT"
-        + (", or a recorded file" if option == "--nmea" else "")
-        + " was expected; check the name"
-    )
-
-
-def can_address(text: str) -> Address:
-    """`can0` of socketcan, or `INTERFACE:CHANNEL` as python-can knows them.
-
-    Raises:
-        SettingError: It is empty.
-    """
-    interface, colon, channel = text.partition(":")
-    if not text or (colon and not (interface and channel)):
-        raise SettingError(
-            f"--can is {text!r}; a socketcan interface (can0), INTERFACE:CHANNEL (virtual:bus), or "
-            "a recorded file was expected"
-        )
-    return Address("can", channel, 0, interface) if colon else Address("can", text, 0, "socketcan")
 
 
 class NmeaInput:
@@ -369,6 +307,34 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
     await _in_thread(work, take)
 
 
+async def read_standard_input(
+    address: Address, health: Health, make: Callable[[], NmeaInput]
+) -> None:
+    """Read what is piped in, in a thread of its own, until it ends."""
+    into = make()
+
+    def work(stop: threading.Event, pass_on: Callable[[bytes, float], None]) -> None:
+        health.open()
+        data = b"more"
+        while data and not stop.is_set():
+            try:
+                data = os.read(0, 1 << 14)
+            except OSError as error:
+                health.lose(_reason(error))
+                return
+            pass_on(data, time.perf_counter())
+            stop.wait(len(data) / _MOST_BYTES)
+
+    def take(data: bytes, arrival: float) -> None:
+        if data:
+            into.feed(data, arrival)
+        else:
+            into.end()
+            health.link = "ended"
+
+    await _in_thread(work, take)
+
+
 async def _in_thread(
     work: Callable[[threading.Event, Callable[[Any, float], None]], None],
     take: Callable[[Any, float], None],
@@ -389,4 +355,7 @@ async def _in_thread(
         stop.set()
 
 
-READERS = {"tcp": read_tcp, "listen": listen_tcp, "udp": read_udp, "serial": read_serial}
+READERS = {
+    "tcp": read_tcp, "listen": listen_tcp, "udp": read_udp, "serial": read_serial,
+    "standard": read_standard_input,
+}  # fmt: skip

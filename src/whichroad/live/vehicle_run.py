@@ -9,6 +9,7 @@ from typing import Any
 
 from ..online import Localizer
 from ..readers.receiver_told import wanted
+from .addresses import Address
 from .broadcaster import Broadcaster
 from .checkpoint import Checkpoint
 from .decode import CanStream, NmeaStream
@@ -17,7 +18,7 @@ from .health import Health
 from .nmea_output import NmeaOutput
 from .reading_lines import ReadingLines
 from .recording import Recorder, folder_of, make_folder
-from .sources import READERS, Address, Deliver, NmeaInput, read_can
+from .sources import READERS, Deliver, NmeaInput, read_can
 from .troubles import Troubles
 
 MOST_ROWS = 20_000  # rows waiting to be recorded, at most
