@@ -427,6 +427,54 @@ def test_a_state_kept_with_another_lag_is_refused():
         Localizer(TOWN, vehicle=CAR, lag=5.0).restore(state)
 
 
+@pytest.mark.parametrize(
+    "ask", ["predict", "estimate", "to_bytes", "diagnosis", "sensor_states", "last_rows", "lagged"]
+)
+def test_who_asks_from_another_thread_disturbs_nothing(ask: str):
+    """Kernels let other threads run: what they share must wait for them."""
+    alone, online = (Localizer(TOWN, vehicle=CAR, lag=5.0) for _ in range(2))
+    done, asked = threading.Event(), 0
+    answers = {"predict": lambda: online.predict(online.estimate().time + 0.05)}
+
+    def feed() -> None:
+        for one in seen():
+            online.take(one)
+        done.set()
+
+    thread = threading.Thread(target=feed)
+    thread.start()
+    while not done.is_set():
+        found = answers.get(ask, lambda: getattr(online, ask))()
+        asked += 1
+        if callable(found):
+            found = found()
+        if isinstance(found, Estimate) and found.answered:
+            assert np.linalg.eigvalsh(found.cov).min() > 0.0
+    thread.join()
+    assert asked
+    for one in seen():
+        alone.take(one)
+    assert repr(online.estimate()) == repr(alone.estimate())
+    assert repr(online.lagged()) == repr(alone.lagged())
+
+
+def test_a_call_waits_for_the_call_of_another_thread():
+    online, entered = driven_to(100), threading.Event()
+    before = online.estimate().time
+
+    def feed() -> None:
+        entered.set()
+        online.update(WheelTicks(before + 0.1, 2000.0, 2000.0))
+
+    with online._lock:
+        thread = threading.Thread(target=feed)
+        thread.start()
+        assert entered.wait(60.0)
+        assert online.estimate().time == before
+    thread.join(60.0)
+    assert online.estimate().time == before + 0.1
+
+
 def test_predicting_leaves_the_estimate_as_it_was():
     online = driven_to(205)
     before = repr(online.estimate())

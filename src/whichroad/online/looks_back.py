@@ -1,5 +1,7 @@
 """What an on-line filter says of moments before the last one, by all that was observed since."""
 
+from threading import RLock
+
 from ..errors import SettingError
 from ..filter.state import Belief
 from ..filter.summary.estimate import Output
@@ -12,6 +14,7 @@ from .estimates import Estimate
 class LooksBack:
     """The part of a `Localizer` that smooths with a fixed lag."""
 
+    _lock: RLock
     _past: Window | None
     _filter: EpochFilter
     _answers: Answering
@@ -26,10 +29,11 @@ class LooksBack:
         Raises:
             SettingError: The localizer was made without a lag.
         """
-        found = self._smoothed(True)
-        if found is None:
-            return None
-        return self._answers.of_past(found[0], found[1], self._far_fix)
+        with self._lock:
+            found = self._smoothed(True)
+            if found is None:
+                return None
+            return self._answers.of_past(found[0], found[1], self._far_fix)
 
     @property
     def decided_until(self) -> float | None:
@@ -40,8 +44,9 @@ class LooksBack:
         Raises:
             SettingError: The localizer was made without a lag.
         """
-        found = self._smoothed(False)
-        return None if found is None else found[2]
+        with self._lock:
+            found = self._smoothed(False)
+            return None if found is None else found[2]
 
     def _smoothed(self, back: bool) -> tuple[Belief, Output, float | None] | None:
         if self._past is None:

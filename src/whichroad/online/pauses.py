@@ -1,6 +1,7 @@
 """How an on-line filter goes on where time has not gone on as usual: pauses, clocks set back."""
 
 from collections.abc import Callable
+from threading import RLock
 
 from ..observations import StartPose
 from .epoch_filter import EpochFilter
@@ -39,6 +40,7 @@ class Pauses:
     """The part of a `Localizer` that goes on after pauses, and at another time."""
 
     skipped: dict[str, int]
+    _lock: RLock
     _filter: EpochFilter
     _rate: tuple[float, float]
     _reading: Reading | None
@@ -72,14 +74,15 @@ class Pauses:
         Args:
             time: When it wakes up, s.
         """
-        now = self._filter
-        age = time - now.time
-        if age <= 0.0 or not now.started:
-            return
-        speed, turn = self._rate if self._rate[0] else (now.speed, 0.0)
-        now.fill(time, speed * age, turn * min(age, _TURNING), 0)
-        self._run()
-        now.widen_along((_OF_SPEED * abs(speed) + _LEAST_SPEED) * age)
-        self._reading, self._odometer, self._began = None, None, None
-        now.fill(time, 0.0, 0.0, 0)
-        self._run()
+        with self._lock:
+            now = self._filter
+            age = time - now.time
+            if age <= 0.0 or not now.started:
+                return
+            speed, turn = self._rate if self._rate[0] else (now.speed, 0.0)
+            now.fill(time, speed * age, turn * min(age, _TURNING), 0)
+            self._run()
+            now.widen_along((_OF_SPEED * abs(speed) + _LEAST_SPEED) * age)
+            self._reading, self._odometer, self._began = None, None, None
+            now.fill(time, 0.0, 0.0, 0)
+            self._run()

@@ -1,5 +1,7 @@
 """What an on-line filter says of its sensors, and what it was made with."""
 
+from threading import RLock
+
 from ..diagnosis.findings import Finding, findings
 from ..diagnosis.further_sensors import further_findings
 from ..diagnosis.map_offset import map_error_of
@@ -19,6 +21,7 @@ class Watched:
     """The part of a `Localizer` that tells of sensors and places."""
 
     roads: RoadMap
+    _lock: RLock
     _filter: EpochFilter
     _sensing: Sensing
     _statistics: ConsistencyStatistics
@@ -47,22 +50,25 @@ class Watched:
 
     def last_rows(self) -> tuple[bytes, bytes]:
         """The last epoch and its estimate as records: `filter.state.EPOCH` and `ESTIMATE`."""
-        return self._filter.epoch.tobytes(), self._filter.estimate.tobytes()
+        with self._lock:
+            return self._filter.epoch.tobytes(), self._filter.estimate.tobytes()
 
     @property
     def sensor_states(self) -> tuple[SensorState, ...]:
         """Each sensor as the filter holds it: what is doubted, and what was learnt."""
-        now = self._filter
-        return states_of(now.belief, self._sensing.sensed.names, now.turns_by)
+        with self._lock:
+            now = self._filter
+            return states_of(now.belief, self._sensing.sensed.names, now.turns_by)
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
         """Sensors that were withheld, else settings that do not fit the data so far."""
-        belief, names = self._filter.belief, self._sensing.sensed.names
-        state = belief.state[0]
-        further = further_findings(names, state.sensors)
-        named = takeover_findings(self._gyro.takeover)
-        if named:  # settings are not judged by sensors that are wrong
-            return (*further, *named, *sensor_findings(state.vetting))
-        off = map_error_of(belief, self._statistics.settings, self.roads.plane)
-        return (*further, *findings(self._statistics, state.vetting, off))
+        with self._lock:
+            belief, names = self._filter.belief, self._sensing.sensed.names
+            state = belief.state[0]
+            further = further_findings(names, state.sensors)
+            named = takeover_findings(self._gyro.takeover)
+            if named:  # settings are not judged by sensors that are wrong
+                return (*further, *named, *sensor_findings(state.vetting))
+            off = map_error_of(belief, self._statistics.settings, self.roads.plane)
+            return (*further, *findings(self._statistics, state.vetting, off))

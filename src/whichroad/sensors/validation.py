@@ -91,7 +91,10 @@ def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
 
 def _wrong(observation: WheelTicks | WheelSpeed | SpeedYaw | Distance | YawRate) -> str | None:
     """Why an odometry reading is impossible; None: it is valid."""
-    if isinstance(observation, WheelSpeed):
+    if isinstance(observation, WheelTicks):  # first, as the most frequent
+        if not (math.isfinite(observation.left) and math.isfinite(observation.right)):
+            return "missing wheel count"
+    elif isinstance(observation, WheelSpeed):
         if not (abs(observation.left) <= FASTEST and abs(observation.right) <= FASTEST):
             return f"wheel speed beyond {FASTEST:g} m/s"
     elif isinstance(observation, SpeedYaw | YawRate):
@@ -99,9 +102,6 @@ def _wrong(observation: WheelTicks | WheelSpeed | SpeedYaw | Distance | YawRate)
             return f"speed beyond {FASTEST:g} m/s"
         if not abs(observation.yaw_rate) <= SPINNING:
             return f"yaw rate beyond {SPINNING:g} rad/s"
-    elif isinstance(observation, WheelTicks):
-        if not (math.isfinite(observation.left) and math.isfinite(observation.right)):
-            return "missing wheel count"
     elif not math.isfinite(observation.distance):
         return "no distance"
     return None

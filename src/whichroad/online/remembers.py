@@ -1,0 +1,103 @@
+"""What an on-line filter remembers, as a value to go back to, and as bytes."""
+
+from threading import RLock
+from typing import Any
+
+from ..diagnosis.statistics import ConsistencyStatistics
+from ..lookback.smoothing import Window
+from ..observations import StartPose
+from ..roadmap import RoadMap
+from ..sensors.gyro_turns import GyroTurns
+from ..settings import Settings, Vehicle
+from .epoch_filter import EpochFilter
+from .localizer_state import Made, Odometry, Reading, State, fingerprint
+from .pauses import LateReadings
+from .sensing import Sensing
+
+
+class Remembers:
+    """The part of a `Localizer` that gives and takes its state."""
+
+    roads: RoadMap
+    vehicle: Vehicle
+    settings: Settings
+    skipped: dict[str, int]
+    lag: float | None
+    _lock: RLock
+    _filter: EpochFilter
+    _past: Window | None
+    _odometer: tuple[float, float, float] | None
+    _rate: tuple[float, float]
+    _interval: float
+    _began: float | None
+    _reading: Reading | None
+    _far_fix: tuple[float, float]
+    _gyro: GyroTurns
+    _sensing: Sensing
+    _start: StartPose | None
+    _statistics: ConsistencyStatistics
+    _late: LateReadings
+    _map: str
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_ahead": None, "_lock": None}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        self.__dict__.update(kept)
+        self._lock = RLock()
+
+    def to_bytes(self) -> bytes:
+        """All that this localizer remembers but its map, for `from_bytes`.
+
+        Not among it are the sums behind `diagnosis`, and the past that `lagged` looks back at:
+        these begin anew.
+        """
+        return self.state().to_bytes()
+
+    def state(self) -> State:
+        """A copy of all that this localizer remembers, to go back to by `restore`."""
+        with self._lock:
+            now = self._filter
+            odometry = Odometry(
+                self._odometer, self._rate, self._interval, self._began, self._reading,
+                self._far_fix, now.mode, self._gyro.kept(), self._sensing.kept(),
+            )  # fmt: skip
+            made = Made(self._fingerprint(), self.lag, self.vehicle, self.settings, self._start)
+            return State(
+                now.time, now.count, now.tables(), odometry, made, dict(self.skipped),
+                self._statistics.waiting, now.path,
+            )  # fmt: skip
+
+    def restore(self, state: State) -> None:
+        """Remember what a state says, and nothing else.
+
+        Settings, vehicle, map and counts of what was skipped stay.  What was watched after that
+        moment for the diagnosis is forgotten as far as it was not summed up.
+
+        Args:
+            state: Of this localizer, or of one with the same map and lag.
+
+        Raises:
+            MapError: It is of another map.
+            SettingError: It was kept with another lag.
+        """
+        with self._lock:
+            state.made.check(self._fingerprint(), self.lag)
+            now, known = self._filter, state.odometry
+            now.set_tables(state.tables)
+            now.set_mode(known.mode)
+            self._gyro.restore(known.gyro)
+            self._sensing.restore(known.sensed)
+            self._odometer, self._rate = known.odometer, known.rate
+            self._interval, self._began = known.interval, known.began
+            self._reading, self._far_fix = known.reading, known.far_fix
+            if self._past is not None:
+                if now.path is not state.path:  # tidied since, or of another process: begun anew
+                    now.belief.hyp["path_entry"][: state.count] = -1
+                self._past.forget_after(state.time, now.belief)
+            self._statistics.forget_after(state.watched)
+            self._late.took()
+
+    def _fingerprint(self) -> str:
+        self._map = self._map or fingerprint(self.roads)
+        return self._map
