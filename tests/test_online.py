@@ -198,6 +198,50 @@ def test_predicting_changes_nothing():
     assert ahead.cov[0, 0] > before.cov[0, 0]
 
 
+@pytest.mark.parametrize("time", [-100.0, 0.0, 20.0])
+def test_a_prediction_before_the_last_observation_is_the_estimate_at_it(time: float):
+    online = driven_to(205)
+    last = online.predict(online.estimate().time)
+    assert last.time == online.estimate().time > 20.0
+    assert repr(online.predict(time)) == repr(last)
+
+
+@pytest.mark.parametrize(
+    ("time", "message"),
+    [
+        (math.nan, "time is nan; seconds since 1970 were expected; as datetime.timestamp"),
+        (math.inf, "time is inf; seconds"),
+        (-math.inf, "time is -inf; seconds"),
+        (1.78e12, r"time is 1.78e\+12; .*are these milliseconds"),
+        ("noon", "time is 'noon'; seconds"),
+        (datetime(2026, 6, 1), "time is datetime.datetime"),
+        (1.78e9, "20,602 days after the last observation; at most a year"),
+    ],
+)
+def test_a_time_that_cannot_be_is_refused_by_a_prediction(time, message: str):
+    online = driven_to(205)
+    before = online.to_bytes()
+    with pytest.raises(ReadError, match=f"predict: .*{message}"):
+        online.predict(time)
+    assert online.to_bytes() == before
+
+
+@pytest.mark.parametrize("days", [1.0, 30.0, 365.0])
+def test_a_prediction_far_ahead_knows_that_it_knows_nothing(days: float):
+    far = driven_to(205).predict(86400.0 * days)
+    assert np.linalg.eigvalsh(far.cov).min() > 0.0
+    assert 1e4 < far.protection_level < math.inf
+    assert far.level_along_m > 1e4
+
+
+def test_a_time_that_cannot_be_wakes_nobody():
+    online = driven_to(205)
+    before = online.to_bytes()
+    with pytest.raises(ReadError, match="wake: time is nan"):
+        online.wake(math.nan)
+    assert online.to_bytes() == before
+
+
 def test_the_hypotheses_are_a_distribution_and_the_road_s_share_is_theirs():
     estimate = driven_to(300).predict(30.0)
     assert sum(h.p for h in estimate.hypotheses) == pytest.approx(1.0, abs=1e-12)

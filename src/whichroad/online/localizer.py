@@ -11,6 +11,7 @@ from threading import RLock
 from typing import Any
 
 from ..diagnosis.statistics import ConsistencyStatistics
+from ..errors import ReadError
 from ..filter.state import CLOCK, DISTANCE, WHEELS, Context, new_belief, new_path, new_work
 from ..filter.vetting.windows import GYRO_ALONE, HEARD_AGAIN
 from ..global_start import start_at
@@ -32,7 +33,7 @@ from ..sensors.beside_wheels import driven_on
 from ..sensors.gnss import fix_row
 from ..sensors.gyro_turns import GyroTurns
 from ..sensors.odometry import bridged_step, true_rate
-from ..sensors.validation import validated
+from ..sensors.validation import check_time, validated
 from ..settings import Settings, Vehicle, parameters
 from .answering import Answering
 from .epoch_filter import EpochFilter
@@ -49,6 +50,7 @@ _LATE = 1.0  # s; a fix later than this is refused
 _SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
 # receiver says
 _BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
+_FARTHEST = 366 * 86400.0  # s that are predicted; of more the covariance overflows
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
 
 
@@ -175,16 +177,26 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         """Dead reckoning to a later time, without changing the filter.
 
         Args:
-            time: Not before the last observation, s.
+            time: At most a year after the last observation, s.
 
         Returns:
-            The estimate expected there.
+            The estimate expected there; of a time before the last observation, the one at it.
+
+        Raises:
+            ReadError: The time is not in seconds since 1970, or more than a year ahead.
         """
+        check_time(time, "predict")
         with self._lock:
             now = self._filter
             if self._ahead is None:
                 self._ahead = EpochFilter(now.ctx)
-            double, ahead = self._ahead, max(time - now.time, 0.0)
+            double, time = self._ahead, max(time, now.time)
+            ahead = time - now.time
+            if now.started and ahead > _FARTHEST:
+                raise ReadError(
+                    f"predict: time is {time:g}, {ahead / 86400.0:,.0f} days after the last "
+                    "observation; at most a year was expected; are both of one clock?"
+                )
             double.copy_from(now)
             double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), 0)
             double.run()

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from threading import RLock
 
 from ..observations import StartPose
+from ..sensors.validation import check_time
 from .epoch_filter import EpochFilter
 from .localizer_state import Reading, State
 
@@ -73,7 +74,11 @@ class Pauses:
 
         Args:
             time: When it wakes up, s.
+
+        Raises:
+            ReadError: The time is not in seconds since 1970.
         """
+        check_time(time, "wake")
         with self._lock:
             now = self._filter
             age = time - now.time

@@ -6,6 +6,7 @@ checked by the readers.
 
 import math
 from dataclasses import replace
+from typing import Any
 
 from ..errors import ReadError
 from ..observations import (
@@ -41,10 +42,7 @@ def validated(observation: Observation, skipped: Skipped) -> Observation | None:
             _count("no time", skipped)
             return None
         if observation.time >= LATEST:
-            raise ReadError(
-                f"observation: time is {observation.time:g}; seconds since 1970 were expected; "
-                "are these milliseconds?"
-            )
+            raise _no_time("observation", observation.time)
         if isinstance(observation, GeoFix):
             return _fix(observation, skipped)
         if isinstance(observation, SensorReading):
@@ -60,6 +58,27 @@ def validated(observation: Observation, skipped: Skipped) -> Observation | None:
             "SpeedYaw, Distance or YawRate of numbers was expected, its time in seconds since 1970 "
             "(datetime.timestamp())"
         ) from None
+
+
+def check_time(time: float, where: str) -> None:
+    """See that a moment which is asked for is one.
+
+    Raises:
+        ReadError: It is not in seconds since 1970; `where` names who asked.
+    """
+    try:
+        possible = -math.inf < time < LATEST
+    except TypeError:
+        possible = False
+    if not possible:
+        raise _no_time(where, time)
+
+
+def _no_time(where: str, time: Any) -> ReadError:
+    late = isinstance(time, int | float) and math.isfinite(time)
+    what_to_do = "are these milliseconds?" if late else "as datetime.timestamp() gives them"
+    seen = f"{time:g}" if late else repr(time)
+    return ReadError(f"{where}: time is {seen}; seconds since 1970 were expected; {what_to_do}")
 
 
 def _count(why: str, skipped: Skipped) -> None:
