@@ -34,7 +34,7 @@ from whichroad.observations import (
 from whichroad.online import Estimate, Localizer, State, localizer, localizer_state
 from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
 from whichroad.recorded import localize_recorded
-from whichroad.settings import Settings, Vehicle
+from whichroad.settings import Settings, Vehicle, to_toml
 from whichroad.tables.status import STATUS
 
 FIELDS = Fixes.__slots__
@@ -370,6 +370,47 @@ def test_what_is_no_observation_is_refused_with_what_was_expected(told, message:
         Localizer(TOWN).update(told)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"cov_ee": np.eye(2)}, r"GeoFix\(cov_ee='\[\[1. 0"),
+        ({"cov_ee": 4.0, "cov_nn": "4"}, r"GeoFix\(cov_nn='4'\)"),
+    ],
+)
+def test_a_field_that_is_no_number_is_refused_by_its_name(wrong, message: str):
+    with pytest.raises(ReadError, match=message):
+        Localizer(TOWN).update(GeoFix(0.0, 49.4, 8.7, **wrong))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"settings": {}}, "settings is a dict; whichroad.Settings"),
+        ({"settings": {"map_sigma": 3.0}}, "settings is a dict; whichroad.Settings"),
+        ({"vehicle": {"track_width": 1.5}}, "vehicle is a dict; whichroad.Vehicle"),
+        ({"start": (49.4, 8.7)}, r"start is \(49.4, 8.7\); a StartPose or"),
+        ({"start": (49.4, 8.7, "north")}, "start is .*north.*; a StartPose or"),
+        ({"start": 90.0}, "start is 90.0; a StartPose or"),
+    ],
+)
+def test_an_argument_of_another_kind_is_refused(given, message: str):
+    with pytest.raises(SettingError, match=message):
+        Localizer(TOWN, **given)
+
+
+def test_the_car_may_be_the_path_of_its_file_and_overrides_settings(tmp_path):
+    car, file = replace(CAR, noise={"gnss_time": 50.0}), tmp_path / "vehicle.toml"
+    file.write_text(to_toml(car), "utf-8")
+    online, usual = Localizer(TOWN, vehicle=file), Settings(map_sigma=3.0)
+    assert online.vehicle == car
+    assert online.settings == Settings(gnss_time=50.0)
+    again = Localizer.from_bytes(online.to_bytes(), TOWN, vehicle=str(file), settings=usual)
+    assert again.vehicle == car
+    assert again.settings == Settings(gnss_time=50.0, map_sigma=3.0)
+    with pytest.raises(ReadError, match=r"none\.toml: "):
+        Localizer(TOWN, vehicle=tmp_path / "none.toml")
+
+
 @pytest.mark.parametrize("lag", [None, 5.0])
 def test_a_localizer_out_of_a_pickle_goes_on_as_if_nothing_had_been(lag: float | None):
     online = Localizer(TOWN, vehicle=CAR, lag=lag)
@@ -447,6 +488,12 @@ def test_damaged_bytes_are_refused():
     for damaged in [*cut, *turned, data + b" "]:
         with pytest.raises(ReadError, match="damaged"):
             Localizer.from_bytes(damaged, TOWN)
+
+
+@pytest.mark.parametrize("given", ["text", None, 5])
+def test_what_is_no_bytes_is_refused_as_a_state(given):
+    with pytest.raises(ReadError, match="the bytes that Localizer"):
+        Localizer.from_bytes(given, TOWN)
 
 
 def test_bytes_of_another_map_are_refused():

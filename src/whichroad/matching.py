@@ -36,7 +36,7 @@ from .roadmap import RoadMap, open_map
 from .roadmap.extent import are_near as are_near
 from .roadmap.extent import check_start, fixes_outside, start_note
 from .sensors import Sensor
-from .settings import Settings, Vehicle
+from .settings import Settings, Vehicle, tuned_by
 from .tables.export import path_table, points_table, summary_of, summary_of_several
 from .tables.provenance import with_map
 from .tables.relative_places import Surroundings
@@ -89,23 +89,6 @@ def _seconds(value: Any) -> float:
             "time were expected"
         ) from None
     return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
-
-
-def tuned_by(settings: Settings | None, vehicle: Vehicle | None) -> Settings:
-    """The settings with what the vehicle's `[noise]` overrides.
-
-    Raises:
-        SettingError: One of them is of another type.
-    """
-    settings = settings or _USUAL
-    for given, kind in ((settings, Settings), (vehicle or _A_CAR, Vehicle)):
-        if not isinstance(given, kind):
-            name = kind.__name__
-            raise SettingError(
-                f"{name.lower()} is a {type(given).__name__}; whichroad.{name}(...) was expected, "
-                "its fields by name"
-            )
-    return replace(settings, **vehicle.noise) if vehicle is not None and vehicle.noise else settings
 
 
 def _start(start: Start, model: str) -> StartPose | str | None:

@@ -211,8 +211,14 @@ class StartPose:
             )
         if start is None or isinstance(start, StartPose):
             return start
-        lat, lon, bearing = start
-        return cls(float(lat), float(lon), float(bearing))
+        try:
+            lat, lon, bearing = map(float, start)
+        except (TypeError, ValueError):
+            raise SettingError(
+                f"start is {start!r}; a StartPose or (lat, lon, bearing) in degrees was expected; "
+                "where the bearing is not known, leave start out"
+            ) from None
+        return cls(lat, lon, bearing)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,17 @@
 """`vehicle.toml`: one car, and what is said of its mistakes."""
 
+import inspect
+import pickle
+from dataclasses import fields
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whichroad.errors import ReadError
+from whichroad.errors import ReadError, SettingError
 from whichroad.readers import read_vehicle
 from whichroad.readers.vehicle import ROLES
-from whichroad.settings import Vehicle, to_toml
+from whichroad.settings import Settings, Vehicle, to_toml
 
 NUMBERS = st.floats(-1e6, 1e6)
 POSITIVE = st.floats(1e-6, 1e6)
@@ -81,3 +85,25 @@ def test_any_bytes_give_a_vehicle_or_a_read_error(tmp_path_factory, content):
     except ReadError:
         return
     assert isinstance(vehicle, Vehicle)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Settings(protection_rsk=1e-4), "Settings: protection_rsk .* mean protection_risk"),
+        (lambda: Settings(moon=1.0), "Settings: moon is no field of it.*; remove it"),
+        (lambda: Settings(map_sigma="wide"), "Settings: map_sigma='wide' was given"),
+        (lambda: Settings(4.0), "Settings: 4.0 was given"),
+        (lambda: Vehicle(trackwidth=1.5), "Vehicle: trackwidth .* mean track_width"),
+        (lambda: Vehicle(track_width="1.5 m"), "Vehicle: track_width='1.5 m' was given"),
+    ],
+)
+def test_a_number_in_python_that_is_none_or_has_a_wrong_name_is_refused(make, message: str):
+    with pytest.raises(SettingError, match=message):
+        make()
+
+
+def test_settings_show_their_fields_to_who_asks():
+    names = list(inspect.signature(Settings).parameters)
+    assert names == [f.name for f in fields(Settings)]
+    assert pickle.loads(pickle.dumps(Settings(map_sigma=3.0))) == Settings(map_sigma=3.0)

@@ -258,6 +258,9 @@ def test_what_is_no_sensor_or_no_evidence_is_refused_by_name(town):
     assert sensed.skipped == {
         "odd: impossible value or sigma": 1, "compass: impossible value or sigma": 1,
     }  # fmt: skip
+    for values in ({"compass_deg": "north"}, {"compass_deg": None}, 5):
+        with pytest.raises(ReadError, match=r"reading: its values are .*; numbers by the names"):
+            sensed.rows(SensorReading(1.0, values), 0.0, (0.0, 0.0))
     with pytest.raises(SettingError, match="attribute: 'moon' is none of this map"):
         Sensed([Odd(given=Attribute("moon", {True: 0.5}, 0.5))], town).rows(told, 0.0, (0.0, 0.0))
 

@@ -11,10 +11,9 @@ import numpy as np
 
 from ..errors import MapError, WhichroadError
 from ..geodesy.angles import wrap_degrees
-from ..matching import tuned_by
 from ..observations import Array
 from ..roadmap import RoadMap
-from ..settings import Settings, Vehicle
+from ..settings import Settings, Vehicle, tuned_by
 from .matched_trace import Matched, Trace, match_trace
 from .osrm_answer import ANNOTATIONS, Options, osrm_answer
 from .polylines import decoded

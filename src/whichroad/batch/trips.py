@@ -22,7 +22,7 @@ from ..evidence.sensed import Sensed, checked, columns_of
 from ..filter.state import CLOCK, new_epochs
 from ..lookback.smoothing import Lag
 from ..lookback.traversals import traversals
-from ..matching import are_near, timeline_of, tuned_by
+from ..matching import are_near, timeline_of
 from ..places import Places, places_on
 from ..readers import drive_from_table
 from ..readers.dates import Writing
@@ -33,7 +33,7 @@ from ..readers.splitting import STANDING
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap
 from ..sensors import Sensor
-from ..settings import Settings, Vehicle
+from ..settings import Settings, Vehicle, tuned_by
 from ..tables.export import figures_of, path_table, points_table
 from ..tables.provenance import with_map
 from ..tables.relative_places import Surroundings, relative_schema

@@ -118,14 +118,15 @@ class Sensed:
             place: x, y (plane) about where the vehicle is, for true north.
 
         Raises:
-            ReadError: No sensor has its name, or one fails or gives what is no evidence.
+            ReadError: No sensor has its name, it holds no numbers, or a sensor fails or gives
+                what is no evidence.
         """
         found: list[Row] = []
         known = False
         for number, sensor in enumerate(self.sensors):
             if reading.sensor and reading.sensor != sensor.name:
                 continue
-            values = {n: float(reading.values[n]) for n in sensor.columns if n in reading.values}
+            values = _numbers(reading, sensor.columns)
             known = known or bool(reading.sensor)
             if not any(map(math.isfinite, values.values())):
                 continue
@@ -272,6 +273,17 @@ class _Made(NamedTuple):
     relative: bool = False
     column: int = 0
     log_likelihood: tuple[float, ...] = (0.0,) * CLASSES
+
+
+def _numbers(reading: SensorReading, columns: Sequence[str]) -> dict[str, float]:
+    """Those values of a reading that are of these columns."""
+    try:
+        return {n: float(reading.values[n]) for n in columns if n in reading.values}
+    except (TypeError, ValueError):
+        raise ReadError(
+            f"reading: its values are {str(reading.values)[:80]}; numbers by the names "
+            f"{', '.join(columns)} were expected; leave out what is not known"
+        ) from None
 
 
 def _heading(sensed: Sensed, one: Heading, place: tuple[float, ...]) -> _Made:

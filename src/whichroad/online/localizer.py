@@ -34,7 +34,7 @@ from ..sensors.gnss import fix_row
 from ..sensors.gyro_turns import GyroTurns
 from ..sensors.odometry import bridged_step, true_rate
 from ..sensors.validation import check_time, validated
-from ..settings import Settings, Vehicle, parameters
+from ..settings import Settings, Vehicle, parameters, tuned_by
 from .answering import Answering
 from .epoch_filter import EpochFilter
 from .estimates import Estimate
@@ -67,8 +67,8 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
 
     Args:
         roads: The map, or its path.
-        vehicle: The car.
-        settings: The model's numbers.
+        vehicle: The car, or the path of its vehicle.toml.
+        settings: The model's numbers; the car's `[noise]` overrides them.
         start: A known pose, or its (lat, lon, bearing) in degrees; else the first fix starts
             the filter.
         lag: Seconds by which `lagged` looks back; None: nothing is remembered for it.
@@ -76,15 +76,17 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         sensors: Further ones (`whichroad.sensors`); each reading comes as a `SensorReading`.
 
     Raises:
-        SettingError: The lag is not a number of seconds, or the start is not on the map.
+        SettingError: The lag is not a number of seconds, the start is not on the map, or an
+            argument is of another type.
         MapError: It is no map.
+        ReadError: The vehicle's file could not be understood.
     """
 
     def __init__(
         self,
         roads: RoadMap | str | Path,
         *,
-        vehicle: Vehicle | None = None,
+        vehicle: Vehicle | str | Path | None = None,
         settings: Settings | None = None,
         start: StartPose | tuple[float, float, float] | None = None,
         lag: float | str | None = None,
@@ -92,8 +94,12 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         sensors: Sequence[Sensor] = (),
     ) -> None:
         self.roads = open_map(roads)
+        if isinstance(vehicle, str | Path):
+            from ..readers import read_vehicle  # which loads all readers
+
+            vehicle = read_vehicle(vehicle)
+        self.settings = tuned_by(settings, vehicle)
         self.vehicle = vehicle or Vehicle()
-        self.settings = settings or Settings()
         self._lock = RLock()  # around each public call: kernels let other threads run
         self._answers = Answering(self.roads, places, self.settings.unknown)
         self.skipped: dict[str, int] = {}  # reason -> observations refused
@@ -326,8 +332,9 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
 
     @classmethod
     def from_bytes(
-        cls, data: bytes, roads: RoadMap | str | Path, *, vehicle: Vehicle | None = None,
-        settings: Settings | None = None, places: Any = None, sensors: Sequence[Sensor] = (),
+        cls, data: bytes, roads: RoadMap | str | Path, *,
+        vehicle: Vehicle | str | Path | None = None, settings: Settings | None = None,
+        places: Any = None, sensors: Sequence[Sensor] = (),
     ) -> "Localizer":  # fmt: skip
         """A localizer that goes on where another one was, to the bit.
 
@@ -340,7 +347,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             sensors: Likewise.
 
         Raises:
-            ReadError: The bytes are damaged, or of another version.
+            ReadError: The bytes are damaged, of another version, or no bytes.
             MapError: They are of another map.
         """
         state = State.from_bytes(data)

@@ -112,8 +112,13 @@ class State:
         """The state that these bytes hold.
 
         Raises:
-            ReadError: They are damaged, or of another version.
+            ReadError: They are damaged, of another version, or no bytes.
         """
+        if not isinstance(data, bytes | bytearray):
+            raise ReadError(
+                f"localizer's state: a {type(data).__name__} was given; the bytes that "
+                "Localizer.to_bytes gave were expected; Path.read_bytes reads them from a file"
+            )
         begin = len(_MAGIC) + _NUMBERS.size
         if data.startswith(_NAME) and len(data) >= begin and not data.startswith(_MAGIC):
             raise _other_version()

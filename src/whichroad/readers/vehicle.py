@@ -1,6 +1,5 @@
 """`vehicle.toml`: one car's wheels, antenna, clocks, signals and noise."""
 
-import difflib
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ReadError, SettingError
-from ..settings import Settings, Vehicle
+from ..settings import Settings, Vehicle, likely_names
 from .checks import read_bytes
 
 ROLES = {  # role of a CAN signal -> what it is
@@ -103,9 +102,10 @@ def _known(keys: Iterable[str], known: Iterable[str], where: str) -> None:
     known = list(known)
     for key in keys:
         if key not in known:
-            close = difflib.get_close_matches(key, known, n=3, cutoff=0.5)
-            hint = f"did you mean {' or '.join(close)}?" if close else "remove it"
-            raise ReadError(f"{where}: unknown key {key!r}; known are {', '.join(known)}; {hint}")
+            raise ReadError(
+                f"{where}: unknown key {key!r}; known are {', '.join(known)}; "
+                f"{likely_names(key, known)}"
+            )
 
 
 def _number(value: Any, where: str) -> float:

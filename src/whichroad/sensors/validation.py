@@ -5,7 +5,8 @@ checked by the readers.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
+from numbers import Real
 from typing import Any
 
 from ..errors import ReadError
@@ -52,12 +53,22 @@ def validated(observation: Observation, skipped: Skipped) -> Observation | None:
             return observation
         _count(why, skipped)
         return None
-    except (AttributeError, TypeError):
+    except (AttributeError, TypeError, ValueError):
         raise ReadError(
-            f"observation: {str(observation)[:80]} was given; a GeoFix, WheelTicks, WheelSpeed, "
+            f"observation: {_seen(observation)} was given; a GeoFix, WheelTicks, WheelSpeed, "
             "SpeedYaw, Distance or YawRate of numbers was expected, its time in seconds since 1970 "
             "(datetime.timestamp())"
         ) from None
+
+
+def _seen(observation: Any) -> str:
+    """What is wrong with an observation: the field that is no number, or all of it."""
+    if isinstance(observation, Observation):
+        for f in fields(observation):
+            value = getattr(observation, f.name)
+            if f.type in (float, "float") and not isinstance(value, Real):
+                return f"{type(observation).__name__}({f.name}={str(value)[:80]!r})"
+    return str(observation)[:80]
 
 
 def check_time(time: float, where: str) -> None:
