@@ -32,7 +32,8 @@ from whichroad.observations import (
     WheelTicks,
 )
 from whichroad.online import Estimate, Localizer, State, localizer, localizer_state
-from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
+from whichroad.readers import drive_of_observations
+from whichroad.readers.reported_fixes import NOT_A_COVARIANCE, Reported, make_fixes
 from whichroad.recorded import localize_recorded
 from whichroad.settings import Settings, Vehicle, to_toml
 from whichroad.tables.status import STATUS
@@ -255,6 +256,52 @@ def test_the_hypotheses_are_a_distribution_and_the_road_s_share_is_theirs():
     np.testing.assert_allclose(estimate.cov, estimate.cov.T)
 
 
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ({"speed": 10.0}, (10.0, 0.3, 0.0, math.inf)),
+        ({"speed": 0.0}, (0.0, 0.3, 0.0, math.inf)),
+        ({"speed": 10.0, "sigma_speed": math.inf}, (10.0, math.inf, 0.0, math.inf)),
+        ({"speed": 10.0, "sigma_speed": 0.1}, (10.0, 0.1, 0.0, math.inf)),
+        ({"speed": 10.0, "bearing_deg": 90.0}, (10.0, 0.3, 90.0, math.degrees(math.atan(0.03)))),
+        ({"speed": 0.5, "bearing_deg": 90.0}, (0.5, 0.3, 90.0, math.inf)),
+        ({"bearing_deg": 90.0}, (0.0, math.inf, 90.0, math.inf)),
+        ({"bearing_deg": 90.0, "sigma_bearing_deg": 2.0}, (0.0, math.inf, 90.0, 2.0)),
+        ({"speed": 10.0, "bearing_deg": -1.0}, (10.0, 0.3, -1.0, math.inf)),
+        ({}, (0.0, math.inf, 0.0, math.inf)),
+    ],
+)
+def test_a_speed_or_course_without_a_sigma_gets_that_of_tables(given, meant):
+    fix = GeoFix(0.0, 49.4, 8.7, **given)
+    assert (fix.speed, fix.sigma_speed, fix.bearing_deg, fix.sigma_bearing_deg) == meant
+    assert pickle.loads(pickle.dumps(fix)) == replace(fix) == fix
+
+
+def test_these_sigmas_are_to_the_bit_those_of_a_recorded_drive():
+    one = np.ones(1)
+    told = Reported(one, 49.4 * one, 8.7 * one, speed=12.0 * one, bearing_deg=80.0 * one)
+    read = make_fixes(told, Settings(), {})
+    fix = GeoFix(1.0, 49.4, 8.7, speed=12.0, bearing_deg=80.0)
+    drive = drive_of_observations([fix])
+    for name in ("speed", "sigma_speed", "bearing_deg", "sigma_bearing_deg"):
+        assert getattr(fix, name) == getattr(read, name)[0] == getattr(drive.fixes, name)[0]
+
+
+def test_a_speed_without_a_sigma_moves_a_vehicle_that_nothing_else_does():
+    """As one with the sigma of tables does."""
+
+    def after(**more: float) -> Estimate:
+        online = Localizer(TOWN)
+        for k in range(0, 300, 10):
+            estimate = online.update(town_fix(STRAIGHT.x[k], -1.75, STRAIGHT.time[k], **more))
+        return estimate
+
+    assert repr(after(speed=10.0)) == repr(after(speed=10.0, sigma_speed=0.3))
+    ignored = after(speed=10.0, sigma_speed=math.inf)
+    assert repr(ignored) == repr(after())
+    assert after(speed=10.0).cov[0, 0] < ignored.cov[0, 0]
+
+
 def test_a_fix_more_than_a_second_late_is_refused_and_counted():
     online = driven_to(100)
     before = online.predict(10.0)
@@ -313,6 +360,8 @@ def test_readings_that_were_late_before_it_was_taken_back_begin_nothing_anew():
         ({"cov_ee": math.nan, "cov_nn": 1.0}, NOT_A_COVARIANCE),
         ({"cov_ee": 1.0, "cov_nn": 1.0, "cov_en": 2.0}, NOT_A_COVARIANCE),
         ({"speed": math.nan, "sigma_speed": 0.3}, "impossible speed (not used)"),
+        ({"speed": math.nan, "sigma_speed": None}, "impossible speed (not used)"),
+        ({"speed": -1.0, "sigma_speed": None}, "impossible speed (not used)"),
         ({"bearing_deg": math.nan, "sigma_bearing_deg": 3.0}, "impossible course (not used)"),
     ],
 )

@@ -5,6 +5,7 @@ outside the filter.  A quantity that a sensor did not report has an infinite sig
 never a NaN.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -12,12 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SettingError
-
-Array = NDArray[np.float64]
+from .geodesy.angles import Array as Array
+from .geodesy.angles import degrees
 
 FROM_HDOP = 1  # Fixes.flags: covariance from HDOP times the range error
 ASSUMED = 2  # covariance is the settings' default, nothing was reported
 NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon were used
+
+SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that reports no sigma
+MOVING = 1.0  # m/s, below it a course over ground means nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,18 +131,58 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class GeoFix:
-    """One GNSS fix for the on-line filter."""
+    """One GNSS fix for the on-line filter.
+
+    A speed or course without a sigma gets that of tables: 0.3 m/s, and the angle that this is of
+    the speed.  Below 1 m/s, or without a speed, a course without a sigma is not used.  To
+    have a speed or course ignored, leave it out or give an infinite sigma.
+
+    Attributes:
+        time: s since 1970 UTC.
+        lat_deg: WGS 84 latitude of the antenna, degrees.
+        lon_deg: WGS 84 longitude of the antenna, degrees.
+        cov_ee: Variance of the position eastwards (true east, as in ENU), m²; infinite: not
+            reported, `Settings.default_sigma_m` is used.
+        cov_en: Covariance of east and north, m².
+        cov_nn: Variance northwards, m²; infinite likewise.
+        speed: Over ground, m/s, not negative; None: not reported.
+        sigma_speed: Its sigma, m/s; None: 0.3 where there is a speed.
+        bearing_deg: Course over ground, degrees clockwise from true north; None: not reported.
+        sigma_bearing_deg: Its sigma, degrees; None: as said above.
+    """
 
     time: float
     lat_deg: float
     lon_deg: float
-    cov_ee: float = np.inf  # m²; infinite: the settings' default is used
+    cov_ee: float = np.inf
     cov_en: float = 0.0
     cov_nn: float = np.inf
-    speed: float = 0.0
-    sigma_speed: float = np.inf
-    bearing_deg: float = 0.0
-    sigma_bearing_deg: float = np.inf
+    # None is never kept: it becomes 0 with an infinite sigma, or a default
+    speed: float = None  # type: ignore[assignment]
+    sigma_speed: float = None  # type: ignore[assignment]
+    bearing_deg: float = None  # type: ignore[assignment]
+    sigma_bearing_deg: float = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        speed, bearing = self.speed, self.bearing_deg
+        if self.sigma_speed is None:
+            object.__setattr__(self, "sigma_speed", np.inf if speed is None else SIGMA_SPEED)
+        if self.sigma_bearing_deg is None:
+            sigma = np.inf if bearing is None or bearing == -1.0 else self._course_sigma()
+            object.__setattr__(self, "sigma_bearing_deg", sigma)
+        if speed is None:
+            object.__setattr__(self, "speed", 0.0)
+        if bearing is None:
+            object.__setattr__(self, "bearing_deg", 0.0)
+
+    def _course_sigma(self) -> float:
+        """Of a course whose sigma was not reported, degrees."""
+        try:
+            if self.speed > MOVING and self.sigma_speed < np.inf:
+                return degrees(math.atan2(self.sigma_speed, self.speed))
+        except (TypeError, ValueError):  # no numbers: refused where it is used
+            pass
+        return np.inf
 
 
 @dataclass(frozen=True, slots=True)

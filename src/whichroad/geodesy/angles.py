@@ -10,9 +10,9 @@ import math
 from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..observations import Array
-
+Array = NDArray[np.float64]
 Angle = TypeVar("Angle", float, Array)
 
 DEGREE = math.pi / 180.0  # rad

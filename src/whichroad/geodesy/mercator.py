@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from ..observations import Array
-from .angles import degrees, radians
+from .angles import Array, degrees, radians
 
 
 def to_square(lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]:

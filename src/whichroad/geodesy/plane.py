@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import MapError
-from ..observations import Array
 from . import kernels
-from .angles import bearing_of, degrees, heading_of, radians, wrap
+from .angles import Array, bearing_of, degrees, heading_of, radians, wrap
 
 _POLE_DEG = 89.999  # largest latitude of an origin; nearer to a pole north is undefined
 

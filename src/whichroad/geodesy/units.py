@@ -2,8 +2,7 @@
 
 from typing import TypeVar
 
-from ..observations import Array
-from .angles import DEGREE
+from .angles import DEGREE, Array
 
 Speed = TypeVar("Speed", float, Array)
 

@@ -11,12 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.angles import degrees, radians, wrap_bearing
-from ..observations import ASSUMED, FROM_HDOP, NO_CORRELATION, Array, Fixes, GeoFix
+from ..observations import (
+    ASSUMED,
+    FROM_HDOP,
+    MOVING,
+    NO_CORRELATION,
+    SIGMA_SPEED,
+    Array,
+    Fixes,
+    GeoFix,
+)
 from ..settings import Settings
 from .checks import Bools, Skipped, in_order, keep
 
-SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that reports no sigma
-MOVING = 1.0  # m/s, below it a course over ground means nothing
 # A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
 # two digits moves the ratio by up to a quarter.
 CREDIBLE = ((0.75, 1.33), (4.5, 8.0))

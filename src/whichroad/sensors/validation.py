@@ -108,7 +108,7 @@ def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
     if not unsaid and not (0.0 < ee < math.inf and 0.0 < nn < math.inf and en * en < ee * nn):
         _count("covariance not positive definite (settings' default used)", skipped)
         fix = replace(fix, cov_ee=math.inf, cov_en=0.0, cov_nn=math.inf)
-    if fix.sigma_speed != math.inf and not (fix.sigma_speed > 0.0 and abs(fix.speed) < 1e3):
+    if fix.sigma_speed != math.inf and not (fix.sigma_speed > 0.0 and 0.0 <= fix.speed < 1e3):
         _count("impossible speed (not used)", skipped)
         fix = replace(fix, speed=0.0, sigma_speed=math.inf)
     if fix.sigma_bearing_deg != math.inf and not (
