@@ -1,9 +1,11 @@
 """A node of ROS 2: NavSatFix and wheel Odometry in, the matched pose as Odometry out.
 
-    python ros2_node.py city.map --ros-args -r fix:=/gnss/fix -r wheels:=/vehicle/odom
+    python ros2_node.py city.map [vehicle.toml] --ros-args -r fix:=/gnss/fix -r wheels:=/car/odom
 
-Frames are those of REP-103 and REP-105: the pose is in `map`, x east and y north of the first
-position, the vehicle is `base_link`.  `road` says the edge, its source's id and its P as JSON.
+vehicle.toml says where the antenna is, of which the fixes are, and scales the wheels.  Frames are
+those of REP-103 and REP-105: the pose is in `map`, x east and y north of the first position, the
+vehicle is `base_link`, the middle of the rear axle.  `origin` says once, to whoever comes later
+too, where `map` has its origin (WGS 84).  `road` says the edge, its source's id and its P as JSON.
 rclpy comes with ROS 2, from no package index; all else is whichroad.
 """
 
@@ -29,11 +31,15 @@ class Matcher:
     Args:
         roads: The map.
         new: Makes an empty message: `nav_msgs.msg.Odometry`.
+        vehicle: Path of the car's vehicle.toml; None: antenna above the rear axle.
     """
 
-    def __init__(self, roads: whichroad.RoadMap, new: Callable[[], Any]) -> None:
-        self._localizer, self._roads, self._new = whichroad.Localizer(roads), roads, new
-        self._origin: tuple[float, float, float] | None = None  # of `map`: m, m, rad
+    def __init__(
+        self, roads: whichroad.RoadMap, new: Callable[[], Any], vehicle: str | None = None
+    ) -> None:
+        self._localizer = whichroad.Localizer(roads, vehicle=vehicle)
+        self._roads, self._new = roads, new
+        self.origin: Any = None  # of `map`: the first `whichroad.Pose`
 
     def fix(self, message: Any) -> tuple[Any, str] | None:
         """Odometry and the road's JSON after a NavSatFix; None: it is no fix."""
@@ -58,18 +64,19 @@ class Matcher:
         road = {"edge": estimate.edge, "p_road": estimate.p_road, "status": estimate.status,
                 "p_off_road": estimate.p_off_road}  # fmt: skip
         if estimate.edge is not None:
-            road["source_id"] = self._roads.source(estimate.edge, estimate.abscissa)[0]
+            source = self._roads.source(estimate.edge, estimate.abscissa)[0]
+            road["source_id"] = str(source)  # ids of OSM and of tables alike
         return self._odometry(estimate), json.dumps(road)
 
     def _odometry(self, estimate: Any) -> Any:
-        pose = estimate.pose
-        if self._origin is None:
-            turn = self._roads.plane.convergence(np.array([pose.x]), np.array([pose.y]))
-            self._origin = pose.x, pose.y, float(turn[0])
-        x0, y0, turn = self._origin
+        pose, plane = estimate.pose, self._roads.plane
+        if self.origin is None:
+            self.origin = pose
+        turn = plane.convergence(self.origin.x, self.origin.y)
         c, s = math.cos(turn), math.sin(turn)
         to_east = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])  # from the map's plane
-        x, y, yaw = to_east @ (pose.x - x0, pose.y - y0, pose.heading - turn)
+        away = (pose.x - self.origin.x, pose.y - self.origin.y, pose.heading - turn)
+        x, y, yaw = to_east @ away
         cov = np.diag([UNKNOWN] * 6)
         cov[np.ix_(AXES, AXES)] = to_east @ estimate.cov @ to_east.T
         message = self._new()
@@ -90,33 +97,44 @@ def seconds(message: Any) -> float:
     return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
 
 
+def origin_of(pose: Any, message: Any, stamp: Any) -> Any:
+    """Where `map` has its origin, as a NavSatFix."""
+    message.header.frame_id, message.header.stamp = "map", stamp
+    message.latitude, message.longitude, message.altitude = pose.lat, pose.lon, math.nan
+    return message
+
+
 def main() -> None:
     """Run the node."""
     import rclpy
+    import rclpy.utilities
     from nav_msgs.msg import Odometry
-    from rclpy.qos import qos_profile_sensor_data
+    from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
     from sensor_msgs.msg import NavSatFix
     from std_msgs.msg import String
 
     rclpy.init()
     node = rclpy.create_node("whichroad")
-    matcher = Matcher(whichroad.RoadMap.open(sys.argv[1]), Odometry)
+    paths = rclpy.utilities.remove_ros_args(sys.argv)[1:]
+    matcher = Matcher(whichroad.RoadMap.open(paths[0]), Odometry, *paths[1:2])
     pose, road = (
         node.create_publisher(Odometry, "odometry", 10),
         node.create_publisher(String, "road", 10),
     )
+    kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    origin = node.create_publisher(NavSatFix, "origin", kept)
 
-    def publish(answer: tuple[Any, str] | None) -> None:
+    def take(message: Any) -> None:
+        begun, of_fix = matcher.origin is not None, isinstance(message, NavSatFix)
+        answer = matcher.fix(message) if of_fix else matcher.wheels(message)
         if answer is not None:
+            if not begun:
+                origin.publish(origin_of(matcher.origin, NavSatFix(), answer[0].header.stamp))
             pose.publish(answer[0])
             road.publish(String(data=answer[1]))
 
-    for kind, topic, take in (
-        (NavSatFix, "fix", matcher.fix), (Odometry, "wheels", matcher.wheels),
-    ):  # fmt: skip
-        node.create_subscription(
-            kind, topic, lambda message, take=take: publish(take(message)), qos_profile_sensor_data
-        )
+    for kind, topic in ((NavSatFix, "fix"), (Odometry, "wheels")):
+        node.create_subscription(kind, topic, take, qos_profile_sensor_data)
     rclpy.spin(node)
 
 

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -695,6 +696,23 @@ def test_before_the_first_fix_there_is_no_pose_and_no_covariance(ask: str):
     assert known.cov.shape == (3, 3)
     assert np.linalg.eigvalsh(known.cov).min() > 0.0
     assert known.pose.x == pytest.approx(150.0, abs=10.0)
+
+
+def test_the_covariance_of_east_and_north_is_that_of_the_plane_turned():
+    """Along any bearing it is what the plane's is along the heading of that bearing."""
+    estimate = driven_to(100).estimate()
+    far = SimpleNamespace(plane=Plane(49.4, 8.2))  # the same answer 36 km off a map's middle
+    beside = Estimate(
+        estimate.time, estimate._record, estimate._hypotheses, far, (0.0, 0.0), 0.0
+    )  # fmt: skip
+    for one in (estimate, beside):
+        x, y = one.pose.x, one.pose.y
+        for heading in (0.0, 0.7, 2.0):
+            bearing = math.radians(one._roads.plane.bearing(heading, x, y))
+            along = np.array([math.cos(heading), math.sin(heading), 1.0])
+            east_north = np.array([math.sin(bearing), math.cos(bearing), 1.0])
+            assert east_north @ one.cov_enu @ east_north == pytest.approx(along @ one.cov @ along)
+    assert Localizer(TOWN).estimate().cov_enu is None
 
 
 def test_a_start_pose_stands_in_for_the_first_fix():

@@ -105,11 +105,17 @@ class WithGyro:
 
 @dataclass(frozen=True, slots=True)
 class SensorReading:
-    """One reading of a further sensor (`whichroad.sensors`)."""
+    """One reading of a further sensor (`whichroad.sensors`).
+
+    Attributes:
+        time: s since 1970 UTC.
+        values: Numbers by the names of the sensor's columns, in the units of these.
+        sensor: The sensor's name; empty: each that has these columns.
+    """
 
     time: float
-    values: Mapping[str, float]  # by the names of its columns
-    sensor: str = ""  # its name; empty: each that has these columns
+    values: Mapping[str, float]
+    sensor: str = ""
 
 
 OdometryLog = WheelCounts | WheelSpeeds | Odometer | SpeedYawRate | WithGyro
@@ -187,7 +193,14 @@ class GeoFix:
 
 @dataclass(frozen=True, slots=True)
 class WheelTicks:
-    """One reading of both rear wheel counters (cumulative, unwrapped)."""
+    """One reading of both rear wheel counters.
+
+    Attributes:
+        time: s since 1970 UTC.
+        left: Counts of the left rear wheel since any moment, unwrapped; fewer in reverse.
+            `Vehicle.metres_per_tick_left` makes metres of them.
+        right: Counts of the right rear wheel.
+    """
 
     time: float
     left: float
@@ -196,7 +209,13 @@ class WheelTicks:
 
 @dataclass(frozen=True, slots=True)
 class WheelSpeed:
-    """One reading of both rear wheel speeds, m/s."""
+    """One reading of both rear wheel speeds.
+
+    Attributes:
+        time: s since 1970 UTC.
+        left: Of the left rear wheel, m/s, negative in reverse.
+        right: Of the right rear wheel, m/s.
+    """
 
     time: float
     left: float
@@ -205,7 +224,12 @@ class WheelSpeed:
 
 @dataclass(frozen=True, slots=True)
 class Distance:
-    """One reading of a cumulative odometer, m."""
+    """One reading of a cumulative odometer.
+
+    Attributes:
+        time: s since 1970 UTC.
+        distance: Driven since any moment, m.
+    """
 
     time: float
     distance: float
@@ -213,7 +237,13 @@ class Distance:
 
 @dataclass(frozen=True, slots=True)
 class SpeedYaw:
-    """One reading of speed (m/s) and yaw rate (rad/s, counter-clockwise)."""
+    """One reading of speed and yaw rate.
+
+    Attributes:
+        time: s since 1970 UTC.
+        speed: Of the rear axle's middle, m/s, negative in reverse.
+        yaw_rate: rad/s, counter-clockwise seen from above: positive in a left turn.
+    """
 
     time: float
     speed: float
@@ -222,7 +252,12 @@ class SpeedYaw:
 
 @dataclass(frozen=True, slots=True)
 class YawRate:
-    """One reading of a gyro (rad/s, counter-clockwise), beside an odometer."""
+    """One reading of a gyro, beside an odometer.
+
+    Attributes:
+        time: s since 1970 UTC.
+        yaw_rate: rad/s, counter-clockwise seen from above: positive in a left turn.
+    """
 
     time: float
     yaw_rate: float
@@ -233,7 +268,15 @@ Observation = GeoFix | WheelTicks | WheelSpeed | Distance | SpeedYaw | YawRate |
 
 @dataclass(frozen=True, slots=True)
 class StartPose:
-    """A known pose to start from."""
+    """A known pose to start from: of M, the middle of the rear axle.
+
+    Attributes:
+        lat_deg: WGS 84 latitude, degrees.
+        lon_deg: WGS 84 longitude, degrees.
+        bearing_deg: Where the vehicle's front points, degrees clockwise from true north.
+        sigma_m: Sigma of the place for each axis, m.
+        sigma_bearing_deg: Sigma of the bearing, degrees.
+    """
 
     lat_deg: float
     lon_deg: float
@@ -267,23 +310,44 @@ class StartPose:
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where M, the middle of the rear axle, is."""
+    """Where M, the middle of the rear axle, is.
 
-    x: float  # m, plane
+    The plane is the map's own: stereographic about the map's middle.  It is neither UTM nor ENU.
+    Its y axis is off true north by the convergence, 0.2 degrees some 20 km east of the middle.
+
+    Attributes:
+        x: m, in the plane, about eastwards.
+        y: m, in the plane, about northwards.
+        heading: Where the front points, rad, counter-clockwise from the plane's x axis.
+        lat: WGS 84 latitude, degrees.
+        lon: WGS 84 longitude, degrees.
+        bearing_deg: Where the front points, degrees clockwise from true north.
+    """
+
+    x: float
     y: float
-    heading: float  # rad, counter-clockwise from the plane's east
-    lat: float  # degrees
+    heading: float
+    lat: float
     lon: float
-    bearing_deg: float  # clockwise from true north
+    bearing_deg: float
 
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """The vehicle is on this edge (None: off the roads), with its own Gaussian."""
+    """The vehicle is on this edge, with its own Gaussian.
+
+    Attributes:
+        p: Probability of the hypothesis, 0 to 1.
+        edge: Number of the directed edge in the map; None: off the roads.
+        pose: Mean of the Gaussian.
+        cov: (3, 3) of x, y (true metres along the plane's axes) and heading; m², m rad, rad².
+        abscissa: m from the edge's start; 0 off road.
+        lateral: m right of the centre line in the map's frame; 0 off road.
+    """
 
     p: float
     edge: int | None
     pose: Pose
-    cov: Array  # (3, 3) x, y, heading; m², m rad, rad²
-    abscissa: float  # m from the edge's start; 0 off road
-    lateral: float  # m right of the centre line in the map's frame; 0 off road
+    cov: Array
+    abscissa: float
+    lateral: float

@@ -2,6 +2,7 @@
 
 import inspect
 import re
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import pytest
@@ -81,3 +82,15 @@ def test_a_docstring_says_what_each_argument_is(function: Any):
     if len(names) > 1:
         assert set(names) - told == set()
     assert text
+
+
+@pytest.mark.parametrize(
+    "name", [c for c in whichroad.__all__ if is_dataclass(getattr(whichroad, c))]
+)
+def test_help_says_what_each_field_of_a_record_is(name: str):
+    """Comments beside the fields are not shown by `help`; settings have a page of their own."""
+    record = getattr(whichroad, name)
+    text = (inspect.getdoc(record) or "").partition("Attributes:")[2]
+    told = set(re.findall(r"^ +(\w+): ", text, re.M))
+    if name not in ("Settings", "Vehicle"):
+        assert {f.name for f in fields(record)} - told == set()

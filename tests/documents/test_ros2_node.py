@@ -44,20 +44,50 @@ def fixes(roads):
     return simulate_drive(roads, seed=3, length_m=900.0).drive.fixes
 
 
-def test_the_node_turns_fixes_into_odometry_of_east_and_north(roads, fixes):
+def the_node():
     spec = importlib.util.spec_from_file_location("ros2_node", NODE)
     node = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(node)
+    return node
+
+
+def a_fix(fixes, k):
+    cov = np.zeros(9)
+    cov[[0, 1, 3, 4]] = fixes.cov_ee[k], fixes.cov_en[k], fixes.cov_en[k], fixes.cov_nn[k]
+    fix = message(
+        "sensor_msgs/NavSatFix", latitude=fixes.lat_deg[k], longitude=fixes.lon_deg[k],
+        position_covariance=cov, position_covariance_type=3,
+    )  # fmt: skip
+    fix.header.stamp.sec = int(fixes.time[k])
+    return fix, cov
+
+
+def test_the_node_knows_the_car_and_where_its_frame_begins(roads, fixes, tmp_path):
+    file = tmp_path / "vehicle.toml"
+    file.write_text("[antenna]\nforward_m = 2.0\n", "utf-8")
+    node = the_node()
+    with_car = node.Matcher(roads, lambda: message("nav_msgs/Odometry"), str(file))
+    without = node.Matcher(roads, lambda: message("nav_msgs/Odometry"))
+    assert with_car.origin is None
+    for k in range(40):
+        _, road = with_car.fix(a_fix(fixes, k)[0])
+        without.fix(a_fix(fixes, k)[0])
+    mine, other = (one._localizer.estimate().pose for one in (with_car, without))
+    assert math.hypot(mine.x - other.x, mine.y - other.y) == pytest.approx(2.0, abs=0.7)
+    assert isinstance(json.loads(road)["source_id"], str)
+    told = message("sensor_msgs/NavSatFix")
+    told = node.origin_of(with_car.origin, told, told.header.stamp)
+    STORE.serialize_cdr(told, told.__msgtype__)
+    assert told.latitude == pytest.approx(fixes.lat_deg[0], abs=3e-4)
+    assert told.longitude == pytest.approx(fixes.lon_deg[0], abs=3e-4)
+
+
+def test_the_node_turns_fixes_into_odometry_of_east_and_north(roads, fixes):
+    node = the_node()
     matcher = node.Matcher(roads, lambda: message("nav_msgs/Odometry"))
     beside, geod, first = Localizer(roads), pyproj.Geod(ellps="WGS84"), None
     for k in range(40):
-        cov = np.zeros(9)
-        cov[[0, 1, 3, 4]] = fixes.cov_ee[k], fixes.cov_en[k], fixes.cov_en[k], fixes.cov_nn[k]
-        fix = message(
-            "sensor_msgs/NavSatFix", latitude=fixes.lat_deg[k], longitude=fixes.lon_deg[k],
-            position_covariance=cov, position_covariance_type=3,
-        )  # fmt: skip
-        fix.header.stamp.sec = int(fixes.time[k])
+        fix, cov = a_fix(fixes, k)
         odometry, road = matcher.fix(fix)
         STORE.serialize_cdr(odometry, odometry.__msgtype__)
         own = GeoFix(float(int(fixes.time[k])), fixes.lat_deg[k], fixes.lon_deg[k],

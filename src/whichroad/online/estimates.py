@@ -35,6 +35,10 @@ class Estimate:
     Before the first fix (or a start pose) nothing is known: `answered` is False, `status` is
     "lost", and `pose`, `cov`, `map_pose`, `map_cov`, `matched` and `speed` are None.
 
+    Places are in metres of the map's plane (`Pose` says what that is) and in WGS 84 degrees.
+    Headings are in radians counter-clockwise from the plane's x axis, bearings in degrees
+    clockwise from true north.
+
     It never changes: what the filter held is copied when it is made.  Most of it is worked out
     when it is first asked for.
 
@@ -118,7 +122,11 @@ class Estimate:
 
     @property
     def cov(self) -> Array | None:
-        """Its covariance, (3, 3) x, y, heading; m², m rad, rad²; None: there is no pose."""
+        """Its covariance, (3, 3) x, y, heading; m², m rad, rad²; None: there is no pose.
+
+        x and y are axes of the map's stereographic plane, not east and north: `cov_enu` is.
+        The metres are true ones.
+        """
         at = self._values
         if not at.live:
             return None
@@ -129,6 +137,20 @@ class Estimate:
                 [at.xh, at.yh, at.hh],
             ]
         )
+
+    @property
+    def cov_enu(self) -> Array | None:
+        """The same of true east, true north and heading (rad, counter-clockwise).
+
+        It is turned by the convergence of the map's plane; None: there is no pose.
+        """
+        cov, at = self.cov, self._values
+        if cov is None:
+            return None
+        turn = self._roads.plane.convergence(at.x, at.y)
+        c, s = math.cos(turn), math.sin(turn)
+        to_east = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        return cast(Array, to_east @ cov @ to_east.T)
 
     @property
     def edge(self) -> int | None:
@@ -287,7 +309,10 @@ class Estimate:
 
     @property
     def map_cov(self) -> Array | None:
-        """Covariance of the position in the map's frame, (2, 2), m²; None: there is no pose."""
+        """Covariance of the position in the map's frame, (2, 2) x, y of the plane, m².
+
+        None: there is no pose.
+        """
         at = self._values
         if not at.live:
             return None
