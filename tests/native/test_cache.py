@@ -2,11 +2,13 @@
 
 import os
 import shutil
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
+from whichroad.native import __main__ as program
 from whichroad.native import build, cache, linking
 
 
@@ -126,7 +128,25 @@ def test_a_build_that_cannot_work_says_in_one_line_what_to_install(
     )
     if not linker:
         monkeypatch.setattr(linking, "linker", lambda target, portable: None)
+    told = []
     with pytest.raises(build.BuildError, match=message) as error:
         build.own_library()
-    assert "\n" not in str(error.value)
-    assert str(error.value).count("; ") == 2  # what was seen; what was expected; what to do
+    told.append(str(error.value))
+    with pytest.raises(build.BuildError, match=message.replace("install ", "install .*")) as error:
+        build.build(["linux-aarch64"], portable=True)
+    told.append(str(error.value))
+    for text in told:
+        assert "\n" not in text
+        assert text.count("; ") == 2  # what was seen; what was expected; what to do
+
+
+def test_who_builds_for_another_machine_without_tools_reads_what_to_install(monkeypatch, capsys):
+    real = build.importlib.util.find_spec
+    monkeypatch.setattr(
+        build.importlib.util, "find_spec", lambda n: None if n == "llvmlite" else real(n)
+    )
+    monkeypatch.setattr(sys, "argv", ["native", "build", "--target", "linux-aarch64"])
+    assert program.main() == 1
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "pip install llvmlite ziglang" in said

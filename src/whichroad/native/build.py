@@ -34,11 +34,8 @@ _LOWERING = 0.3  # share of the time
 
 def why_not() -> str | None:
     """What is missing to build here, in one sentence; None: nothing.  Takes no second."""
-    if importlib.util.find_spec("llvmlite") is None:
-        return (
-            "kernels: llvmlite is not installed, and no compiled kernels for this machine were "
-            "found; it was expected to compile them; pip install llvmlite"
-        )
+    if (missing := _no_compiler("llvmlite")) is not None:
+        return missing
     target = cache.own_target()
     if target not in linking.TARGETS:
         return (
@@ -51,6 +48,16 @@ def why_not() -> str | None:
             "compiled kernels; pip install ziglang, or install gcc or clang"
         )
     return None
+
+
+def _no_compiler(packages: str) -> str | None:
+    """What is missing to compile, with the packages to install; None: nothing."""
+    if importlib.util.find_spec("llvmlite") is not None:
+        return None
+    return (
+        "kernels: llvmlite is not installed; it was expected, to compile kernels that no wheel and "
+        f"no cache holds; pip install {packages}"
+    )
 
 
 def kept() -> Path | None:
@@ -102,6 +109,8 @@ def build(
     Raises:
         BuildError: A tool is missing or failed.
     """
+    if (missing := _no_compiler("llvmlite ziglang" if portable else "llvmlite")) is not None:
+        raise BuildError(missing)
     source, tools = cache.source_digest(), cache.tools_digest()
     kept = cache.cache_folder() or Path(tempfile.mkdtemp(prefix="whichroad-kernels-"))
     processor = "" if portable else (*cache.processors(), "")[0]
