@@ -13,7 +13,7 @@ import whichroad
 from .pages import PAGES, ROOT, Block, blocks, title
 
 RUN = {"python", "sh"}
-SHOWN = {"text", "", "csv", "toml", "json"}  # read with care below, or what a command prints
+SHOWN = {"text", "", "csv", "toml", "json", "c"}  # read with care below, or what a command prints
 
 
 def code(path: Path) -> list[Block]:
