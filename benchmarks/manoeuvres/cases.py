@@ -19,6 +19,7 @@ from .streets import Plan
 HOUR = 3600.0
 _SETTLED = 3.0  # s, after which a wrong stamp has no excuse
 _PLAIN = ("wheels", "odometer")
+_MOVED = ("wheels", "yaw", "odometer")
 _THREE = (*_PLAIN, "odometer and Doppler")
 
 Clock = Callable[[list[Heard], float], list[Heard]]  # of readings and the moment it goes wrong
@@ -52,6 +53,21 @@ def lying(ahead: float) -> Clock:
 def set_back(heard: list[Heard], moment: float) -> list[Heard]:
     """From a moment on all stamps are an hour too early."""
     return [_shifted(h, -HOUR) if h.when > moment else h for h in heard]
+
+
+def silent(seconds: float, dark: float = 0.0) -> Clock:
+    """No sensor says anything for so long, and the receiver not for `dark` s more."""
+
+    def change(heard: list[Heard], moment: float) -> list[Heard]:
+        back = moment + seconds
+        fixed = back + dark
+        return [
+            h
+            for h in heard
+            if not moment <= h.when < (fixed if isinstance(h.reading, GeoFix) else back)
+        ]
+
+    return change
 
 
 def whole_seconds(heard: list[Heard], _: float) -> list[Heard]:
@@ -108,6 +124,13 @@ def _stamp(ahead: float) -> Case:
     )  # fmt: skip
 
 
+def _silence(seconds: float, dark: float = 0.0) -> Case:
+    what = f"{seconds:.0f} s{', then dark' if dark else ''}"
+    return Case(
+        what, _LONG, _MOVED, clock=silent(seconds, dark), live=True, counts=(0.0, seconds + dark)
+    )
+
+
 def _reversing(metres: float, cruise: float) -> Case:
     draw = partial(scenes.backwards, metres=metres, cruise=cruise)
     return Case(f"{metres:.0f} m", draw, ("wheels", "yaw"))
@@ -153,6 +176,10 @@ SCENES: dict[str, list[Case]] = {
         "right", ("wheels", "Doppler"),
         Case("an hour back", scenes.town, ("wheels", "Doppler"), clock=set_back, live=True,
              counts=(0.0, 0.0)),
+    ),
+    "silence": _control(
+        "none", _MOVED,
+        _silence(5.0), _silence(10.0), _silence(30.0), _silence(5.0, 60.0), _silence(30.0, 60.0),
     ),
     "seconds": _control(
         "as they are", _PLAIN, Case("whole", scenes.town, _PLAIN, clock=whole_seconds)

@@ -89,6 +89,7 @@ def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
         else:
             redraw(belief.hyp[i], B, 0.0, 0.0)
 
+
 _IN_GAP = 0.3  # P(the vehicle has driven round corners unseen, or has stopped)
 
 
@@ -222,7 +223,11 @@ def _heed_silence(
         reading.left = 0.0
         state.vetting.missed = 0
         state.vetting.silent = 0.0
-    elif sensors == WHEELS and state.count > 0 and is_gap(dt, state.heard[1]):
+    elif (
+        sensors == WHEELS
+        and state.count > 0
+        and is_gap(dt, state.heard[1], reading.gyro == BY_GYRO)
+    ):
         may_be_lost(state, _IN_GAP, dt)
     if reading.has_fix or reading.odometry_valid == 1 or is_alone(reading):
         hear(state, reading.time)

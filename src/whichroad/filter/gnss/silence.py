@@ -23,7 +23,7 @@ _STANDING = 0.5  # m/s; a receiver that reports less stands
 _LEFT = 0.3  # m/s, of the speed of a vehicle whose fixes keep their place
 _STOOD = 5.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
 _SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere,
-_GAP = 15.0  # or on another road nearby,
+_GAP, _GAP_OF_RATES = 15.0, 4.0  # or on another road nearby; rates say less of a gap than counts
 _UNUSUAL = 4.0  # and times the usual interval of readings
 _CARRIED = 0.3  # P(it is), where it stood before and after by its odometry,
 _DRIVEN = 0.9  # and where it did not
@@ -42,9 +42,10 @@ def is_pause(quiet: float, usual: float) -> bool:
 
 
 @kernel
-def is_gap(quiet: float, usual: float) -> bool:
+def is_gap(quiet: float, usual: float, rates: bool) -> bool:
     """Whether so long without a reading (s) the way through the roads is not known."""
-    return bool(usual > 0.0 and quiet > _GAP and quiet > _UNUSUAL * usual)
+    least = _GAP_OF_RATES if rates else _GAP
+    return bool(usual > 0.0 and quiet > least and quiet > _UNUSUAL * usual)
 
 
 @kernel
