@@ -70,7 +70,7 @@ def _drives(drive: Any, settings: Settings, can: Any, dbc: Any, **reading: Any) 
         if all(isinstance(d, Drive) for d in drive):
             return list(drive)
         if any(isinstance(d, Observation) for d in drive):
-            return [drive_of_observations(drive, settings)]
+            return [drive_of_observations(drive, settings, reading.get("vehicle"))]
     return drive_from_table(drive, settings=settings, **reading)
 
 

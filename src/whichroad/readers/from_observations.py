@@ -26,10 +26,11 @@ from ..observations import (
     YawRates,
 )
 from ..sensors.validation import validated
-from ..settings import Settings
+from ..settings import Settings, Vehicle
 from .checks import Skipped, in_order
 from .drive_columns import steered, unused
 from .reported_fixes import Reported, make_fixes
+from .wheel_counters import cumulative
 
 _LOGS: dict[type, Callable[..., OdometryLog]] = {
     WheelTicks: WheelCounts, WheelSpeed: WheelSpeeds, SpeedYaw: SpeedYawRate, Distance: Odometer
@@ -37,13 +38,17 @@ _LOGS: dict[type, Callable[..., OdometryLog]] = {
 
 
 def drive_of_observations(
-    observations: Sequence[Observation], settings: Settings | None = None
-) -> Drive:
+    observations: Sequence[Observation], settings: Settings | None = None,
+    vehicle: Vehicle | None = None,
+) -> Drive:  # fmt: skip
     """The drive that consists of these observations, in any order.
+
+    Counts that jump, as where a control unit starts anew, are bridged.
 
     Args:
         observations: Fixes, readings of one kind of odometry, and of a gyro beside it.
         settings: Gives the sigma of fixes that report none.
+        vehicle: Gives the metres of a count.
 
     Raises:
         ReadError: Odometry is of several kinds, or something is no observation.
@@ -59,7 +64,8 @@ def drive_of_observations(
     fixes = [o for o in possible if isinstance(o, GeoFix)]
     odometry: OdometryLog | None = None
     for kind in kinds:
-        odometry = _LOGS[kind](*_in_order(kind, possible, skipped))
+        columns = _bridged(kind, _in_order(kind, possible, skipped), vehicle or Vehicle(), skipped)
+        odometry = _LOGS[kind](*columns)
     if isinstance(odometry, Odometer | WheelCounts | WheelSpeeds):
         time, rate = _in_order(YawRate, possible, skipped)
         odometry = steered(odometry, YawRates(time, rate) if len(time) > 1 else None)
@@ -78,6 +84,18 @@ def _in_order(kind: type, observations: Sequence[Observation], skipped: Skipped)
     columns = _columns(kind, [o for o in observations if type(o) is kind])
     rows = in_order(columns["time"], skipped)
     return [values[rows] for values in columns.values()]
+
+
+def _bridged(kind: type, columns: list[Array], car: Vehicle, skipped: Skipped) -> list[Array]:
+    """Columns of readings, counts of which are without jumps."""
+    metres = {
+        WheelTicks: (car.metres_per_tick_left, car.metres_per_tick_right),
+        Distance: (car.odometer_scale,),
+    }.get(kind, ())
+    time, *counts = columns
+    for n, each in enumerate(metres):
+        counts[n] = cumulative(time, counts[n], bits=0, metres_per_tick=each, skipped=skipped)
+    return [time, *counts]
 
 
 def _columns(kind: type, observations: Sequence[Observation]) -> dict[str, Array]:

@@ -17,6 +17,8 @@ _RECENT = 10  # steps that give the speed across a gap
 _LARGEST = 2.0**53  # counts; beyond it floats no longer resolve single counts
 _WIDTHS = (8, 10, 12, 14, 15, 16, 20, 24, 32)  # bits that counters have
 _WRAPS = 3  # of a counter, the fewest that tell its width
+_BACKS = 8.0  # m/s, at which nobody backs up for the whole of
+_UNSEEN = 2.0  # s without a reading: a counter that has fallen began anew
 _FULL = 0.9  # share of its range that it then has been through
 _CLEAR = 0.4  # share of its range that most steps are below, so that they are told from wraps
 JUMP = "wheel counter jumped (bridged)"
@@ -37,7 +39,7 @@ def cumulative(
     """Unwrap one counter and sign it.
 
     A step is the shortest that the counter's bits allow; after a gap, the one nearest to
-    the speed before.  Steps faster than 90 m/s are jumps.
+    the speed before.  Steps faster than 90 m/s are jumps, and falls after a gap.
 
     Args:
         time: Increasing times of the readings, s, shape (n,).
@@ -61,6 +63,9 @@ def cumulative(
         step = _nearest(step, 2.0**bits, np.zeros(len(step)))
         step = np.where(gap, _nearest(step, 2.0**bits, _bridge(step, interval, ~gap)), step)
     jump = np.abs(step) * metres_per_tick > FASTEST * (interval + _JITTER)
+    fell = gap & (interval > _UNSEEN) & (step * metres_per_tick < -_BACKS * interval)
+    if fell.any():
+        jump |= fell & (_bridge(step, interval, ~gap) >= 0.0)
     if np.count_nonzero(jump) > max(len(step) // 2, 3):
         speed = float(np.median(np.abs(step) / interval)) * metres_per_tick
         raise ReadError(

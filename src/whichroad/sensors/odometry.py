@@ -37,6 +37,7 @@ from .validation import FASTEST, Skipped
 Rate = TypeVar("Rate", float, Array)
 
 _JITTER = 0.02  # s, by which readings come too close together
+_BACKS, _UNSEEN = 8.0, 2.0  # m/s, at which nobody backs up through s without a reading
 _JUMP = "odometry jumped (bridged)"
 
 
@@ -177,7 +178,9 @@ def bridged_step(
     """
     dt = reading.time - before.time
     arc, turn = step_between(before, reading, car)
-    if abs(arc) + 0.5 * abs(turn) * car.track_width <= FASTEST * (dt + _JITTER):
+    began_anew = dt > _UNSEEN and arc < -_BACKS * dt and rate[0] >= 0.0
+    possible = abs(arc) + 0.5 * abs(turn) * car.track_width <= FASTEST * (dt + _JITTER)
+    if possible and not began_anew:
         return arc, turn, 1
     skipped[_JUMP] = skipped.get(_JUMP, 0) + 1
     return rate[0] * dt, rate[1] * dt, 0

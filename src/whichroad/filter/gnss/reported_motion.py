@@ -8,7 +8,8 @@ import math
 
 from ..._compile import Record, kernel
 from ...graph.geometry import wrap
-from ..state import CLOCK, WHEELS, Belief, Context, H, K
+from ..gaussian import log_density
+from ..state import CLOCK, ROUTES, WHEELS, Belief, Context, H, K, redraw
 from .inflation import FILTERED
 from .position import has_course, observe_rate, observe_state
 
@@ -23,6 +24,7 @@ _MOST = 1.2  # rad, largest difference that says something of the latency
 _WRONG_COURSE = 0.1 / (2.0 * math.pi)  # 1/rad, density of courses that say nothing
 _WRONG_STOP = 0.05 / 30.0  # s/m, density of zeros that do
 _STOP = 0.5  # m/s
+_STOPS, _REST = 0.05, 0.02  # P(at rest at the end of a way), and variance of that speed, m²/s²
 _TURNING = 0.2  # rad/s, from which on the antenna's speed is not M's
 _TURN_SIGMA = 0.1  # rad/s, of the turn rate at the moment of a fix
 _SLOW = 2.0  # m/s, below which speeds do not observe the odometer's scale
@@ -107,7 +109,29 @@ def observe_reported(
         _follow(state.reports.speed, epoch.speed, epoch.time, False)
         variance = (epoch.speed_sigma**2 + 0.04 + (late * state.reports.speed[2]) ** 2) * thin
         wrong = _WRONG_STOP if filtered and epoch.speed < _STOP else 0.0
+        if wrong > 0.0 and state.motion == ROUTES:
+            _let_stop(belief, epoch.speed, variance)
         observe_state(belief, ctx, K, epoch.speed, variance, wrong)
+
+
+@kernel
+def _let_stop(belief: Belief, speed: float, variance: float) -> None:
+    """Let hypotheses have come to rest at the end of a way since a sparse fix, if a report says so.
+
+    Else its mean speed is taken for that of its end, and who creeps on in a queue still drives.
+
+    Args:
+        belief: In place.
+        speed: As reported, m/s.
+        variance: Of its error.
+    """
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        drives = math.exp(log_density(speed - hyp.mu[K], variance + hyp.cov[K, K]))
+        stops = _STOPS * math.exp(log_density(speed, variance + _REST))
+        if stops > drives:
+            redraw(hyp, K, 0.0, _REST)
+            hyp.log_weight += math.log(_STOPS)
 
 
 @kernel(inline=True)
