@@ -139,15 +139,14 @@ FILTER = np.dtype(
         ("standing", "f8"),  # s of standing until now
         ("last_fix", "f8"),  # time of the last fix, s
         ("fix_interval", "f8"),  # usual interval of fixes, s
-        ("finest", "f8"),  # least sigma of fixes since the start, m; 0: it was none of a fix
+        ("reported", "f8", (2,)),  # least sigma of fixes since the start, and the last one's, m
         ("misfits", "f8"),  # fixes in a row that fit no hypothesis
         ("heard", "f8", (2,)),  # time of the last fix or measured odometry; usual interval, s
         ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), until a fix; how far, m
         ("map_time", "f8"),  # time of the last map observation, s (paper preset)
         ("on_road_at", "f8"),  # time of the last fix at which the roads had half of the weight, s
         ("restarted_at", "f8"),  # of the last start at a fix of a receiver alone, s
-        # the receiver's noise, as learnt (filter.gnss_noise)
-        ("gnss_factor", "f8"),  # on reported variances; 0 before the first fix
+        ("gnss_factor", "f8"),  # on reported variances, as learnt; 0 before the first fix
         ("innovation_factor", "f8"),  # the same by innovations,
         ("windowed_factor", "f8"),  # by innovations that keep their sign,
         ("bias_factor", "f8"),  # and by the bias states

@@ -27,8 +27,8 @@ _MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expe
 _SECOND = 0.95  # s; fixes that come sooner say of the receiver what the one before has said
 _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
 _LONG = 10.0  # s of standing, from which on the error is taken to stand as well
-_SPIKE = 9.0  # cap of one fix's reported variance over the smoothed one,
-_FINER = 1.0 / 9.0  # and of the smoothed one over its: fixes are of another kind from then on
+_SPIKE = 9.0  # cap of one fix's reported variance over the smoothed one; it is 1 for one whose
+_WIDE = 3.0  # sigma is so many times that of the one before
 _PLAY = 1.015  # ratio of bias scales up to which the one in use stays as it is
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the bias
 _PRIOR_TIME = 5.0  # prior weight of the factor, in s of fixes
@@ -102,9 +102,10 @@ def _smooth_covariance(state: Record, fix: Vector, factor: float, interval: floa
     yy = a * s * s + b * c * c
     if interval >= 0.0:
         new = 1.0 - math.exp(-interval / _SMOOTHING)
-        wider = (xx + yy) / (_SPIKE * (cov[0] + cov[2]))
-        if xx + yy < _FINER * (cov[0] + cov[2]):
-            new = 1.0
+        ratio = (xx + yy) / (cov[0] + cov[2])
+        new /= new + min(ratio, 1.0) * (1.0 - new)  # finer ones by their information
+        most = _SPIKE if state.reported[1] * _WIDE > fix[2] else 1.0
+        wider = ratio / most
         if wider > 1.0:  # one fix with a large sigma says little of the next ones
             xx /= wider
             xy /= wider

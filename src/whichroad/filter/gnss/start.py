@@ -77,7 +77,7 @@ def forget_factor(belief: Belief, par: Record, epoch: Record) -> None:
 @kernel
 def is_far_finer(state: Record, epoch: Record) -> bool:
     """Whether a fix is so much finer than all since a coarse start that it had better begin."""
-    finer = state.finest > _COARSE and epoch.fix[2] * _FINER < state.finest
+    finer = state.reported[0] > _COARSE and epoch.fix[2] * _FINER < state.reported[0]
     return bool(epoch.has_fix and finer)
 
 
@@ -98,7 +98,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     state.since_fix = 0.0
     state.unmeasured = 0.0
     state.last_fix = epoch.time
-    state.finest = epoch.fix[2]
+    state.reported[0] = state.reported[1] = epoch.fix[2]
     state.factor_time = epoch.time
     state.unlearnt = 0.0
     state.on_road_at = epoch.time

@@ -305,7 +305,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.since_fix = 0.0
     state.unmeasured = 0.0
     state.last_fix = epoch.time
-    state.finest = min(state.finest, fix[2])
+    state.reported[0] = min(state.reported[0], fix[2])
+    state.reported[1] = fix[2]
     follow_track(belief, since)
     _settle(belief, ctx, epoch, axes, doubted, since)
     state.fix_interval += LATEST * (since - state.fix_interval)
