@@ -396,6 +396,17 @@ def test_a_reading_of_wheels_that_cannot_be_is_counted_and_changes_nothing(readi
     assert online.skipped == {reason: 1}
 
 
+@pytest.mark.parametrize("counts", [0.0, -500.0])
+def test_a_counter_that_began_anew_in_a_silence_does_not_take_the_vehicle_back(counts: float):
+    online = driven_to(100)
+    before = online.estimate()
+    at = float(STRAIGHT.time[100]) + 5.0
+    a = online.update(WheelTicks(at, counts, counts))
+    assert online.skipped == {"odometry jumped (bridged)": 1}
+    assert a.pose.x > before.pose.x + 20.0
+    assert a.protection_level > before.protection_level + 10.0
+
+
 def test_a_wheel_counter_that_jumps_on_line_is_bridged_at_the_speed_before_and_counted():
     online, unaware = driven_to(100), driven_to(100)
     at = float(STRAIGHT.time[100])

@@ -25,7 +25,7 @@ from whichroad.filter.lookback.history import (
     new_history,
     store,
 )  # fmt: skip
-from whichroad.filter.lookback.link_motion import predict_link
+from whichroad.filter.lookback.link_motion import LINK_MODEL, inflate_strange, predict_link
 from whichroad.filter.lookback.link_road import Link
 from whichroad.filter.lookback.smoother import begin, new_buffers, solve_gain, step_back
 from whichroad.filter.motion import arc_chord, increment_of, predict_plane, wheel_noise
@@ -47,6 +47,7 @@ from whichroad.filter.state import (
 )  # fmt: skip
 from whichroad.filter.vetting.windows import BY_GYRO, BY_WHEELS
 from whichroad.graph.geometry import wrap
+from whichroad.graph.network import records
 from whichroad.settings import Settings
 
 CTX = context(network([[[0.0, 0.0], [5000.0, 0.0]]]), prune=1e-4, merge=0.05, components=2)
@@ -311,3 +312,29 @@ def test_a_stored_state_is_loaded_as_it_was():
     np.testing.assert_allclose(again_cov, cov, rtol=1e-12)
     assert belief.lineage.shape[1] == KEPT
     assert mean[K] > 0
+
+
+@pytest.mark.parametrize("away", [50.0, 1e4, 1e7])
+def test_a_gain_above_one_does_not_let_what_nothing_predicted_grow(away: float):
+    model = records(1, LINK_MODEL)[0]
+    model.scale = 1.0
+    model.f[:] = np.eye(N)
+    model.f[:2, :2] = [[0.0, 1.0], [-1.0, 0.0]]  # round a corner; the speed tells more across it
+    model.f[X, K], model.f[K, K] = -4.5, 0.8
+    model.then_cov[:] = np.eye(N)
+    model.then_cov[X, X], model.then_cov[Y, Y], model.then_cov[K, K] = 4600.0, 25.0, 21.8
+    model.then_cov[X, K] = model.then_cov[K, X] = -220.0
+    model.then_cov[X, Y] = model.then_cov[Y, X] = 64.0
+    model.cross[:] = model.f @ model.then_cov
+    model.cov[:] = model.cross @ model.f.T + np.diag([80.0, 1.4e5, 0.03, 9.0] + [0.1] * (N - 4))
+    later = np.zeros(N)
+    later[X] = away
+    solve_gain(model)
+    grown = float(np.abs(np.array(model.gain).T @ later)[X])
+    inflate_strange(model, later)
+    solve_gain(model)
+    moved = float(np.abs(np.array(model.gain).T @ later)[X])
+    sigma = math.sqrt(4600.0)
+    assert moved < 4.0 * sigma
+    assert grown > away
+    assert away < 1e3 or moved < 1e-2 * grown

@@ -157,6 +157,14 @@ def test_an_unknown_reverse_value_offers_the_known_ones(read):
         read(log, car)
 
 
+def test_counters_that_began_anew_in_a_gap_do_not_run_back(read, sound):
+    late = [line(T0 + 5.5 + 0.1 * k, 928, ticks(60 * k)) for k in range(25)]
+    drive = read(counters(60 * np.arange(25)) + "".join(late))
+    sound(drive)
+    assert (np.diff(drive.odometry.left) > 0.0).all()
+    assert drive.skipped == {"wheel counter jumped (bridged)": 2}
+
+
 def test_a_jump_is_bridged_and_counted(read, sound):
     counts = np.cumsum(np.full(50, 20))
     counts[25:] += 30_000

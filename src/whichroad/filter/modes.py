@@ -5,7 +5,7 @@ import math
 from .._compile import Record, kernel
 from ._simd import copy_record
 from .gnss.departure import p_departed
-from .gnss.silence import hear, is_gap, is_pause, may_be_lost, may_have_moved
+from .gnss.silence import FASTEST, hear, is_gap, is_pause, may_be_lost, may_have_moved
 from .lookback.history import History
 from .motion import GYRO_PACE
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
@@ -212,6 +212,7 @@ def _heed_silence(
     """
     state = belief.state[0]
     quiet = reading.time - state.heard[0]
+    rates = reading.gyro == BY_GYRO
     if sensors != CLOCK and state.count > 0 and is_pause(quiet, state.heard[1]):
         may_have_moved(state, reading.arc, quiet)
         if state.mode != CLOCK:
@@ -223,12 +224,8 @@ def _heed_silence(
         reading.left = 0.0
         state.vetting.missed = 0
         state.vetting.silent = 0.0
-    elif (
-        sensors == WHEELS
-        and state.count > 0
-        and is_gap(dt, state.heard[1], reading.gyro == BY_GYRO)
-    ):
-        may_be_lost(state, _IN_GAP, dt)
+    elif sensors == WHEELS and state.count > 0 and is_gap(dt, state.heard[1], rates):
+        may_be_lost(state, _IN_GAP, dt if rates else abs(reading.arc) / FASTEST)
     if reading.has_fix or reading.odometry_valid == 1 or is_alone(reading):
         hear(state, reading.time)
 

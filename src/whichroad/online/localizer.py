@@ -252,7 +252,10 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             by_gyro = self._gyro.in_silence(now.time, reading.time)
             if by_gyro is not None and now.mode == WHEELS and isinstance(reading, WheelTicks):
                 return arc - taken[1], by_gyro, 0, HEARD_AGAIN  # counters have gone on
-            return self._rate[0] * (reading.time - taken[0]), 0.0, 0, self._gyro.by
+            ahead = reading.time - taken[0]
+            if ahead > _SILENT:  # the last of them is long ago
+                return arc * ahead / dt, turn * ahead / dt, 0, self._gyro.by
+            return self._rate[0] * ahead, 0.0, 1, self._gyro.by
         if self._is_silent(dt) and not isinstance(reading, Distance):
             valid = 0  # the way was longer than the turn tells
         self._interval += 0.2 * (dt - self._interval)

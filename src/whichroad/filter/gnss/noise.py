@@ -104,7 +104,8 @@ def _smooth_covariance(state: Record, fix: Vector, factor: float, interval: floa
         new = 1.0 - math.exp(-interval / _SMOOTHING)
         ratio = (xx + yy) / (cov[0] + cov[2])
         new /= new + min(ratio, 1.0) * (1.0 - new)  # finer ones by their information
-        most = _SPIKE if state.reported[1] * _WIDE > fix[2] else 1.0
+        single = 0.0 < _WIDE * state.reported[1] <= fix[2]
+        most = 1.0 if single else _SPIKE
         wider = ratio / most
         if wider > 1.0:  # one fix with a large sigma says little of the next ones
             xx /= wider

@@ -28,7 +28,7 @@ _UNUSUAL = 4.0  # and times the usual interval of readings
 _CARRIED = 0.3  # P(it is), where it stood before and after by its odometry,
 _DRIVEN = 0.9  # and where it did not
 _ROLLED = 1.0  # m
-_SPEED = 30.0  # m/s, at which it may have been moved,
+FASTEST = 30.0  # m/s, at which it may have been moved,
 _FARTHEST = 2e4  # and m, how far
 _NEAREST = 10.0  # m, about which all places are alike
 _LONGEST = 3600.0  # s; the receiver's errors have become others by then
@@ -73,7 +73,7 @@ def may_have_moved(state: Record, arc: float, quiet: float) -> None:
 def may_be_lost(state: Record, p: float, seconds: float) -> None:
     """Note that the vehicle is with probability p where it may have come in so many seconds."""
     state.elsewhere[0] = max(state.elsewhere[0], p)
-    state.elsewhere[1] = min(state.elsewhere[1] + _SPEED * seconds, _FARTHEST)
+    state.elsewhere[1] = min(state.elsewhere[1] + FASTEST * seconds, _FARTHEST)
 
 
 @kernel(inline=True)

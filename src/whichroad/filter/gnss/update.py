@@ -249,6 +249,17 @@ def _learn(belief: Belief, ctx: Context, epoch: Record, white: float) -> bool:
 
 
 @kernel(inline=True)
+def _count_anew(state: Record, epoch: Record) -> None:
+    """What is counted from fix to fix begins at this one."""
+    state.moving = 0.0
+    state.since_fix = 0.0
+    state.unmeasured = 0.0
+    state.last_fix = epoch.time
+    state.reported[0] = min(state.reported[0], epoch.fix[2])
+    state.reported[1] = epoch.fix[2]
+
+
+@kernel(inline=True)
 def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: float) -> float:
     """Condition on the position; between two sides it counts little.  Returns its chi-square."""
     par = ctx.par[0]
@@ -301,12 +312,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     if state.mode != CLOCK:
         note_departure(belief, epoch, axes)
     doubted = _learn(belief, ctx, epoch, white)
-    state.moving = 0.0
-    state.since_fix = 0.0
-    state.unmeasured = 0.0
-    state.last_fix = epoch.time
-    state.reported[0] = min(state.reported[0], fix[2])
-    state.reported[1] = fix[2]
+    _count_anew(state, epoch)
     follow_track(belief, since)
     _settle(belief, ctx, epoch, axes, doubted, since)
     state.fix_interval += LATEST * (since - state.fix_interval)
