@@ -84,7 +84,7 @@ def _write_gpx(path: Path, table: pd.DataFrame) -> None:
 
 @pytest.fixture
 def place(stock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A fresh copy of these files, as the working folder; `whichroad` is on the path."""
+    """A fresh copy of these files, as the working folder; `whichroad` and its Python are found."""
     folder = tmp_path / "place"
     shutil.copytree(stock, folder)
     programs = tmp_path / "bin"
@@ -92,6 +92,8 @@ def place(stock: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
     program = programs / "whichroad"
     program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{MAIN}" "$@"\n')
     program.chmod(0o755)
+    (programs / "python").write_text(f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')
+    (programs / "python").chmod(0o755)
     monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.chdir(folder)
     return folder

@@ -84,7 +84,8 @@ def test_signals_of_a_bus_are_readings_live_as_in_a_log(tmp_path):
     plain = read_drive(can=log, dbc=tmp_path / "car.dbc", vehicle=car, paths=[])[0]
     assert plain.sensed == ()
     wrong = vehicle(sensors={"antennas_deg": "Nort"})
-    with pytest.raises(whichroad.ReadError, match=r"\[sensors\] antennas_deg is 'Nort'.*North"):
+    said = r"\[sensors\] antennas_deg of the vehicle is 'Nort'.*North"
+    with pytest.raises(whichroad.ReadError, match=said):
         CanStream(tmp_path / "car.dbc", wrong, columns=COLUMNS)
 
 
