@@ -183,7 +183,7 @@ def test_only_what_adds_up_row_by_row_is_longer_than_forty_lines():
 LINES = 400
 # files whose length was discussed: one algorithm each, which reads worse in two files
 DISCUSSED: dict[str, int] = {
-    "src/whichroad/graph/route_search.py": 540,
+    "src/whichroad/graph/route_search.py": 500,
     "src/whichroad/filter/lookback/smoother.py": 420,
     "src/whichroad/filter/state.py": 420,
 }

@@ -17,15 +17,8 @@ from whichroad.graph import route_search as search
 from whichroad.graph.index import CANDIDATE
 from whichroad.graph.labels import LABELS, new_search
 from whichroad.graph.network import EDGE, TURN, VERTEX, Roads, records
-from whichroad.graph.route_search import (
-    MAX_FACTOR,
-    MIN_FACTOR,
-    Query,
-    edge_costs,
-    goal_of,
-    set_goals,
-    turn_costs,
-)
+from whichroad.graph.route_costs import MAX_FACTOR, MIN_FACTOR, cost_factor, edge_costs, turn_costs
+from whichroad.graph.route_search import Query, goal_of, set_goals
 
 find_routes = compiled(search.find_routes)
 
@@ -226,3 +219,9 @@ def test_edges_that_lead_nowhere_have_no_turns():
     turns.prior = 0.8, 0.2
     turn_costs(edges, turns)
     assert turns.cost.tolist() == pytest.approx([0.0, np.log(4.0)])
+
+
+def test_a_road_of_a_speed_costs_as_its_edge_says():
+    factors = [cost_factor(float(speed)) for speed in EDGES.speed]
+    np.testing.assert_allclose(EDGES.cost / EDGES.length, factors, rtol=1e-6)
+    assert min(factors) == MIN_FACTOR < 1.0 < max(factors)

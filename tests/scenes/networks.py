@@ -15,7 +15,7 @@ from whichroad.graph.network import (
     Roads,
     records,
 )
-from whichroad.graph.route_search import edge_costs, turn_costs
+from whichroad.graph.route_costs import edge_costs, turn_costs
 from whichroad.roadmap.cells import build
 
 Line = NDArray[np.float64]

@@ -24,6 +24,7 @@ from .vetting.repeats import is_repeated
 from .vetting.vet import mode_of, refuse_standing, vet
 from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
+_IN_GAP = 0.3  # P(it has driven round corners unseen, or stopped) in a gap of all sensors
 _LEAST_SPEED = 0.5  # m/s, error of a speed taken over,
 _OF_SPEED = 0.1  # and share of it
 _OF_ROAD = 0.1  # rad, by which a vehicle may head otherwise than its road
@@ -88,9 +89,6 @@ def switch(belief: Belief, history: History, ctx: Context, mode: int) -> None:
             redraw(belief.hyp[i], B, drift[0], drift[1])
         else:
             redraw(belief.hyp[i], B, 0.0, 0.0)
-
-
-_IN_GAP = 0.3  # P(the vehicle has driven round corners unseen, or has stopped)
 
 
 @kernel
@@ -225,7 +223,7 @@ def _heed_silence(
         state.vetting.missed = 0
         state.vetting.silent = 0.0
     elif sensors == WHEELS and state.count > 0 and is_gap(dt, state.heard[1], rates):
-        may_be_lost(state, _IN_GAP, dt if rates else abs(reading.arc) / FASTEST)
+        may_be_lost(state, _IN_GAP, FASTEST * dt if rates else abs(reading.arc))
     if reading.has_fix or reading.odometry_valid == 1 or is_alone(reading):
         hear(state, reading.time)
 

@@ -17,7 +17,7 @@ import math
 
 from .._compile import Matrix, Record, kernel
 from .gaussian import log_density, update_state
-from .gnss.silence import may_be_lost, may_have_moved
+from .gnss.silence import FASTEST, may_be_lost, may_have_moved
 from .lookback.history import History, accumulate_noise
 from .motion import Increment, Noise
 from .speed_process import speed_process
@@ -85,7 +85,7 @@ def _arrive(belief: Belief, excess: float) -> None:
     if best > _FITS:
         may_have_moved(state, excess, silent)
     elif silent > _LONG:
-        may_be_lost(state, _LOST, silent)
+        may_be_lost(state, _LOST, FASTEST * silent)
     for i in range(state.count):
         hyp = belief.hyp[i]
         nu = excess - hyp.mu[U]

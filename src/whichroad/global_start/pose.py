@@ -13,7 +13,7 @@ from ..graph.network import plane_scale
 from ..observations import StartPose
 from ..roadmap import RoadMap
 from ..settings import Settings
-from .steps import fine_fixes
+from .steps import have_fine_fix
 
 _BLIND_SPEED, _BLIND_SPEED_SIGMA = 6.0, 8.0  # m/s, at a start without odometry
 _WHITE = 0.01  # white sigma of a pose over the one given
@@ -26,11 +26,13 @@ def start_of_coarse_fix(roads: RoadMap, timeline: Timeline) -> StartPose | None:
     A town has more roads about such a fix than the ordinary belief holds.
     """
     epochs = timeline.epochs
-    fixes, fine = np.flatnonzero(epochs.has_fix), fine_fixes(epochs)
-    if timeline.mode != WHEELS or not len(fixes) or fixes[0] in fine[:1]:
+    if timeline.mode != WHEELS or not epochs.has_fix.any():
         return None
-    x, y, sigma = (float(value) for value in epochs.fix[fixes[0], :3])
-    sigma = math.hypot(sigma, float(np.abs(epochs.arc[: fixes[0] + 1]).sum()))
+    first = int(np.argmax(epochs.has_fix))
+    if have_fine_fix(epochs[first : first + 1])[0]:
+        return None
+    x, y, sigma = (float(value) for value in epochs.fix[first, :3])
+    sigma = math.hypot(sigma, float(np.abs(epochs.arc[: first + 1]).sum()))
     lat, lon = roads.plane.to_geodetic(x, y)
     return StartPose(lat, lon, 0.0, sigma, 180.0)
 

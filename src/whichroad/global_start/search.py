@@ -11,6 +11,7 @@ from .._compile import Records
 from ..epochs import Timeline
 from ..errors import DriveError
 from ..filter.evidence.observe import observe_evidence
+from ..filter.gnss.start import COARSE
 from ..filter.hypotheses.population import (
     branch_all,
     initialise,
@@ -44,7 +45,7 @@ from . import elsewhere
 from .answers import recentre, repeat
 from .pose import initial_state
 from .prior import DROP, KNOWN_BEARING, prior_components
-from .steps import COARSE, Step, fine_fixes, steps
+from .steps import Step, have_fine_fix, steps
 
 MAP = "map"
 """The start that is anywhere on the map."""
@@ -362,7 +363,7 @@ def search(
     time = epochs.time
     n = len(epochs)
     mixture = _Search(roads, vehicle, settings, start, timeline)
-    if 0 in fine_fixes(epochs)[:1]:
+    if have_fine_fix(epochs[:1])[0]:
         return _meet_fix(mixture, belief, epochs, 0)
     mixture.hear(epochs[:1])
     mixture.summarise(output, 0)

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compile import Records
+from ..filter.gnss.start import COARSE
 from ..filter.motion import arc_chord
-
-COARSE = 40.0  # m; a fix or pose of a larger sigma says too little to start from
 
 _LONGEST = 6.0  # m, longest step of the prediction
 
@@ -28,9 +27,10 @@ class Step(NamedTuple):
     measured: bool
 
 
-def fine_fixes(epochs: Records) -> NDArray[np.int64]:
-    """Epochs with fixes that a search ends at."""
-    return np.flatnonzero((epochs.has_fix == 1) & (epochs.fix[:, 2] <= COARSE))
+def have_fine_fix(epochs: Records) -> NDArray[np.bool_]:
+    """Which epochs have a fix that a search ends at, (n,)."""
+    fine: NDArray[np.bool_] = (epochs.has_fix == 1) & (epochs.fix[:, 2] <= COARSE)
+    return fine
 
 
 def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
@@ -47,7 +47,7 @@ def steps(epochs: Records, least: Callable[[], float]) -> Iterator[Step]:
     forwards, lefts = epochs.forward, epochs.left
     x = y = turn = arc = metres = 0.0
     measured = True
-    fixes = fine_fixes(epochs)
+    fixes = np.flatnonzero(have_fine_fix(epochs))
     last = int(fixes[0]) if len(fixes) else len(epochs)
     for k in range(1, last):
         parts = max(1, math.ceil(abs(arcs[k]) / _LONGEST))

@@ -1,13 +1,7 @@
-"""Route search between sparse fixes: bounded A* over the road graph, and its edge costs.
-
-A route costs `per_metre` nats for each metre of a street of usual speed, more on slow roads,
-and for each turn -log(prior / the largest prior there).
-"""
+"""Route search between sparse fixes: bounded A* over the road graph, by `graph.route_costs`."""
 
 import math
 from typing import NamedTuple
-
-import numpy as np
 
 from .._compile import Ints, Records, kernel
 from .labels import (
@@ -22,13 +16,9 @@ from .labels import (
     note_rival,
 )
 from .network import Roads
-
-USUAL_SPEED = 12.0  # m/s, of a street on which a metre costs a metre
-MIN_FACTOR, MAX_FACTOR = 0.75, 2.0  # cost of a metre on the fastest and the slowest roads
+from .route_costs import MIN_FACTOR
 
 _PER_NAT, _MAX_NATS = 2.0**30, 2.0**18  # resolution and limit of keys in the queue
-TIME_SHARE = 0.6  # share of the time in the cost of an edge; the rest is its length
-_LEAST_PRIOR = 1e-12  # probability of a turn
 _ROUNDING = 0.1  # m, of the ends of edges, which are float32
 _RIVAL_WORTH = 4.0  # nats that a rival way to an edge may cost more than the cheapest
 _OPEN, _SETTLED, _COPIED = range(3)  # of a label; copied: its route to a goal is complete
@@ -47,39 +37,6 @@ class Query(NamedTuple):
     slack: float  # nor those to goals that cost this much more than the cheapest one, nats
     most: int  # labels that may be used
     alone: bool  # not to share routes with other searches of the step
-
-
-def edge_costs(edges: Records, vertices: Records) -> None:
-    """Fill where each edge ends, and what it takes to drive it.
-
-    The cost is in metres of a street of usual speed: drivers save time.
-
-    Args:
-        edges: (E,) EDGE with length, speed and last vertex; `end_x`, `end_y`,
-            `route_length`, `cost` and `time` are set.
-        vertices: (V,) VERTEX.
-    """
-    end, length = edges["last_vertex"], edges["length"]
-    speed = np.maximum(edges["speed"].astype(np.float64), 1.0)
-    factor = np.clip(1.0 + TIME_SHARE * (USUAL_SPEED / speed - 1.0), MIN_FACTOR, MAX_FACTOR)
-    edges["end_x"] = vertices["x"][end]
-    edges["end_y"] = vertices["y"][end]
-    edges["route_length"] = length
-    edges["cost"] = length * factor
-    edges["time"] = length / speed
-
-
-def turn_costs(edges: Records, turns: Records) -> None:
-    """Fill the costs of turns: -log(prior / the largest prior there), nats.
-
-    Args:
-        edges: (E,) EDGE with `first_turn` and `end_turn`.
-        turns: (S,) TURN with `prior`, in the order of edges; `cost` is set.
-    """
-    prior = np.maximum(turns["prior"].astype(np.float64), _LEAST_PRIOR)
-    first = edges["first_turn"]
-    best = np.maximum.reduceat(np.append(prior, _LEAST_PRIOR), first)
-    turns["cost"] = np.log(np.repeat(best, edges["end_turn"] - first) / prior)
 
 
 @kernel

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..filter.sparse.competitors import SHARPNESS
 from ..filter.sparse.driver import likely_excess
 from ..graph.network import Roads
-from ..graph.route_search import MIN_FACTOR
+from ..graph.route_costs import MIN_FACTOR
 
 _DETOUR = 3.0  # longest route between unlinked edges, over their distance
 _MORE = 300.0  # m, added to that longest route

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import ReadError
 from ..observations import Array, WheelCounts, WheelSpeeds
-from ..sensors.validation import FASTEST
+from ..sensors.validation import BACKS, FASTEST, UNSEEN
 from ..settings import Vehicle
 from .checks import Bools, Ints, Skipped, in_order, keep
 
@@ -17,8 +17,6 @@ _RECENT = 10  # steps that give the speed across a gap
 _LARGEST = 2.0**53  # counts; beyond it floats no longer resolve single counts
 _WIDTHS = (8, 10, 12, 14, 15, 16, 20, 24, 32)  # bits that counters have
 _WRAPS = 3  # of a counter, the fewest that tell its width
-_BACKS = 8.0  # m/s, at which nobody backs up for the whole of
-_UNSEEN = 2.0  # s without a reading: a counter that has fallen began anew
 _FULL = 0.9  # share of its range that it then has been through
 _CLEAR = 0.4  # share of its range that most steps are below, so that they are told from wraps
 JUMP = "wheel counter jumped (bridged)"
@@ -63,7 +61,7 @@ def cumulative(
         step = _nearest(step, 2.0**bits, np.zeros(len(step)))
         step = np.where(gap, _nearest(step, 2.0**bits, _bridge(step, interval, ~gap)), step)
     jump = np.abs(step) * metres_per_tick > FASTEST * (interval + _JITTER)
-    fell = gap & (interval > _UNSEEN) & (step * metres_per_tick < -_BACKS * interval)
+    fell = gap & (interval > UNSEEN) & (step * metres_per_tick < -BACKS * interval)
     if fell.any():
         jump |= fell & (_bridge(step, interval, ~gap) >= 0.0)
     if np.count_nonzero(jump) > max(len(step) // 2, 3):

@@ -9,7 +9,7 @@ from .._compile import Records
 from ..errors import MapError
 from ..geodesy.plane import Plane
 from ..graph.network import AGAINST_ONE_WAY, EDGE, NO_ACCESS, PLANE, Roads, records
-from ..graph.route_search import edge_costs, turn_costs
+from ..graph.route_costs import edge_costs, turn_costs
 from ..observations import Array
 from .bans import keys
 from .chains import chains

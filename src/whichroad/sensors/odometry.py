@@ -32,12 +32,11 @@ from ..settings import Vehicle
 from .beside_wheels import beside_wheels
 from .gyro_turns import turns_at
 from .takeover import Takeover
-from .validation import FASTEST, Skipped
+from .validation import BACKS, FASTEST, UNSEEN, Skipped
 
 Rate = TypeVar("Rate", float, Array)
 
 _JITTER = 0.02  # s, by which readings come too close together
-_BACKS, _UNSEEN = 8.0, 2.0  # m/s, at which nobody backs up through s without a reading
 _JUMP = "odometry jumped (bridged)"
 
 
@@ -178,7 +177,7 @@ def bridged_step(
     """
     dt = reading.time - before.time
     arc, turn = step_between(before, reading, car)
-    began_anew = dt > _UNSEEN and arc < -_BACKS * dt and rate[0] >= 0.0
+    began_anew = dt > UNSEEN and arc < -BACKS * dt and rate[0] >= 0.0
     possible = abs(arc) + 0.5 * abs(turn) * car.track_width <= FASTEST * (dt + _JITTER)
     if possible and not began_anew:
         return arc, turn, 1

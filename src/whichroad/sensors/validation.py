@@ -22,6 +22,7 @@ from ..observations import (
 )
 
 FASTEST = 90.0  # m/s, of a vehicle and of its wheels
+BACKS, UNSEEN = 8.0, 2.0  # m/s, at which nobody backs up for s without a reading: counts began anew
 SPINNING = 10.0  # rad/s
 LATEST = 253_402_300_800.0  # s, the year 10000: later times are milliseconds
 Skipped = dict[str, int]

@@ -27,8 +27,8 @@ _MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expe
 _SECOND = 0.95  # s; fixes that come sooner say of the receiver what the one before has said
 _PERSISTS = 0.8  # of the mean of innovations, from fix to fix
 _LONG = 10.0  # s of standing, from which on the error is taken to stand as well
-_SPIKE = 9.0  # cap of one fix's reported variance over the smoothed one; it is 1 for one whose
-_WIDE = 3.0  # sigma is so many times that of the one before
+_SPIKE = 9.0  # cap of one fix's reported variance over the smoothed one,
+_SINGLE = 3.0  # of one that has so many times the sigma of the fix before it is 1
 _PLAY = 1.015  # ratio of bias scales up to which the one in use stays as it is
 _SMOOTHING = 15.0  # s, of the reported covariance that scales the bias
 _PRIOR_TIME = 5.0  # prior weight of the factor, in s of fixes
@@ -104,9 +104,8 @@ def _smooth_covariance(state: Record, fix: Vector, factor: float, interval: floa
         new = 1.0 - math.exp(-interval / _SMOOTHING)
         ratio = (xx + yy) / (cov[0] + cov[2])
         new /= new + min(ratio, 1.0) * (1.0 - new)  # finer ones by their information
-        single = 0.0 < _WIDE * state.reported[1] <= fix[2]
-        most = 1.0 if single else _SPIKE
-        wider = ratio / most
+        single = 0.0 < _SINGLE * state.reported[1] <= fix[2]
+        wider = ratio if single else ratio / _SPIKE
         if wider > 1.0:  # one fix with a large sigma says little of the next ones
             xx /= wider
             xy /= wider

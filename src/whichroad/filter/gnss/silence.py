@@ -65,15 +65,15 @@ def may_have_moved(state: Record, arc: float, quiet: float) -> None:
         arc: What odometry says of the pause, m: counters go on.
         quiet: Its duration, s.
     """
-    may_be_lost(state, _DRIVEN if abs(arc) > _ROLLED else _CARRIED, quiet)
+    may_be_lost(state, _DRIVEN if abs(arc) > _ROLLED else _CARRIED, FASTEST * quiet)
     state.moving = min(max(state.moving, quiet), _LONGEST)
 
 
 @kernel
-def may_be_lost(state: Record, p: float, seconds: float) -> None:
-    """Note that the vehicle is with probability p where it may have come in so many seconds."""
+def may_be_lost(state: Record, p: float, metres: float) -> None:
+    """Note that the vehicle is with probability p anywhere within so many metres more."""
     state.elsewhere[0] = max(state.elsewhere[0], p)
-    state.elsewhere[1] = min(state.elsewhere[1] + FASTEST * seconds, _FARTHEST)
+    state.elsewhere[1] = min(state.elsewhere[1] + metres, _FARTHEST)
 
 
 @kernel(inline=True)

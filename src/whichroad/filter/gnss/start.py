@@ -11,7 +11,7 @@ from .noise import update_root
 from .position import has_course
 from .sides import keep_bias
 
-_COARSE = 30.0  # m, sigma of a fix about which the roads of a town are too many to follow them all
+COARSE = 40.0  # m, sigma of a fix about which the roads of a town are too many to follow them all
 _FINER = 3.0  # times
 
 
@@ -77,7 +77,7 @@ def forget_factor(belief: Belief, par: Record, epoch: Record) -> None:
 @kernel
 def is_far_finer(state: Record, epoch: Record) -> bool:
     """Whether a fix is so much finer than all since a coarse start that it had better begin."""
-    finer = state.reported[0] > _COARSE and epoch.fix[2] * _FINER < state.reported[0]
+    finer = state.reported[0] > COARSE and epoch.fix[2] * _FINER < state.reported[0]
     return bool(epoch.has_fix and finer)
 
 

@@ -6,7 +6,8 @@ from typing import NamedTuple
 from ..._compile import Record, kernel
 from ...graph.index import closest
 from ...graph.network import Roads
-from ...graph.route_search import MAX_FACTOR, MIN_FACTOR, TIME_SHARE, USUAL_SPEED, Query
+from ...graph.route_costs import cost_factor
+from ...graph.route_search import Query
 from ..gnss.inflation import bias_time
 from ..map_error import map_variance
 from ..road import track
@@ -65,13 +66,6 @@ def heavy_tail(variance: float, off: float, sigma: float) -> float:
     """
     beyond = max(abs(off) - 2.0 * sigma, 0.0)
     return max(variance, (_TAIL if off > 0.0 else _SLOW_TAIL) * beyond * beyond)
-
-
-@kernel
-def factor_of(speed: float) -> float:
-    """Cost of a metre of a road of a usual speed, over that of a usual road."""
-    factor = 1.0 + TIME_SHARE * (USUAL_SPEED / max(speed, 1.0) - 1.0)
-    return min(max(factor, MIN_FACTOR), MAX_FACTOR)
 
 
 @kernel
@@ -176,7 +170,7 @@ def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale:
     longest = max(reach + SPAN * math.sqrt(start.variance), 1.5 * start.straight) + _REACH
     floor = hyp.log_weight - 0.5 * math.log(start.variance + sigma * sigma) - beside
     best = ctx.work.search.run[0].best_score
-    own = max(factor_of(speed) - 1.0, 0.0) * per_metre * min(start.straight, CHOSEN)
+    own = max(cost_factor(speed) - 1.0, 0.0) * per_metre * min(start.straight, CHOSEN)
     return Query(
         fix.map_x, fix.map_y, fix.radius * scale, per_metre, u_turn_cost(ctx.roads, hyp.edge),
         longest, floor + per_metre * start.straight - best + _AHEAD + own, _SLACK + own, _LABELS,

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from ..._compile import kernel
 from ...graph.labels import Reach, Search, add_way, write_way
+from ...graph.route_costs import cost_factor
 from ...graph.route_search import Query, find_routes, goal_of
 from ..state import OFF_ROAD, Belief, Context
 from .candidates import (
@@ -14,7 +15,6 @@ from .candidates import (
     Departure,
     SparseFix,
     departure_of,
-    factor_of,
     fix_of,
     heavy_tail,
     query_of,
@@ -131,10 +131,10 @@ def _own_cost(ctx: Context, edge: int, way: Way) -> float:
 
     Who is on a slow road has chosen it, and does not choose it anew from fix to fix.
     """
-    if way.label < 0:
+    if way.label < 0:  # on along its edge: no road is chosen
         return 0.0
-    own = factor_of(float(ctx.roads.edges[edge].speed))
-    factor = factor_of(way.usual)
+    own = cost_factor(float(ctx.roads.edges[edge].speed))
+    factor = cost_factor(way.usual)
     return (min(max(factor, min(own, 1.0)), max(own, 1.0)) - 1.0) * min(max(way.went, 0.0), CHOSEN)
 
 
