@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from online.avenue import CAR, STRAIGHT, TOWN, fixes, records, town_fix, wheels
 from scenes import drive_along, gnss
-from test_online import CAR, STRAIGHT, TOWN, fixes, records, town_fix, wheels
 from whichroad.observations import Observation, SpeedYaw, WheelCounts, WheelTicks
 from whichroad.online import Localizer
 
