@@ -27,7 +27,7 @@ from whichroad.simulate import SimulatedDrive, simulate_drive
 from . import Figure, Options
 from .added_sensors import FAULT_S, FAULTS, SENSORS, Told, faulty, ranges, still_compass
 from .scenes.drives import SURE, Row, Table, each, world
-from .search import _first_held, prepare
+from .search import first_held, prepare
 from .town import CHI2_95, WARM_UP_S, right_edges
 
 SEEDS = range(7500, 7540)
@@ -118,7 +118,7 @@ def one_compass(seed: int, *, settings: Settings) -> Row:
         errors = _Errors(drive, *localize(drive, told, settings, start="map")[:2], False)
         rows, travelled = errors.rows, drive.truth.travelled
         sure = rows.p_edge > SURE
-        first = _first_held(sure, rows.edge, travelled)
+        first = first_held(sure, travelled)
         right = right_edges(drive, rows.edge)
         row[f"{name}: declared"] = float(first is not None)
         good = np.flatnonzero(sure & right)

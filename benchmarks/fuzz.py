@@ -181,8 +181,8 @@ def _stream(path: Path) -> int:
     return sum(len(parser.feed(piece)) for piece in pieces) + len(parser.flush())
 
 
-def _first_lines(path: Path, lines: int = _LINES) -> bytes:
-    return b"".join(path.read_bytes().splitlines(keepends=True)[:lines])
+def _first_lines(path: Path) -> bytes:
+    return b"".join(path.read_bytes().splitlines(keepends=True)[:_LINES])
 
 
 def _tables(drive: SimulatedDrive, folder: Path) -> dict[str, bytes]:
@@ -382,18 +382,12 @@ def _where(error: Exception) -> str:
     return f"{Path(last.filename).name}:{last.lineno}: {type(error).__name__}: {first}"
 
 
-def fuzz(
-    seconds: float = SECONDS,
-    seed: int = 0,
-    only: Sequence[str] = (),
-    say: Callable[[str], None] = lambda line: None,
-) -> dict[str, dict[str, Any]]:
+def fuzz(seconds: float, seed: int, say: Callable[[str], None]) -> dict[str, dict[str, Any]]:
     """Attack each reader for `seconds`.
 
     Args:
         seconds: For each reader.
         seed: Of the damage.
-        only: Names of readers; empty: all of them.
         say: Takes a line when a reader is done.
 
     Returns:
@@ -403,9 +397,9 @@ def fuzz(
     told = {}
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         folder = Path(name)
-        chosen = [r for r in readers(folder) if not only or r.name in only]
+        every = readers(folder)
         warnings.simplefilter("error")
-        for reader in chosen:
+        for reader in every:
             path = folder / f"bad{reader.suffix}"
             random = np.random.default_rng([seed, *reader.name.encode()])
             done = told[reader.name] = _attack(reader, seconds, random, path)
@@ -431,5 +425,5 @@ def run(options: Options) -> list[Figure]:
             told["inputs"],
             seeds=seeds_text(range(seed, seed + 1)),
         )
-        for name, told in fuzz(seconds, seed, say=options.say).items()
+        for name, told in fuzz(seconds, seed, options.say).items()
     ]

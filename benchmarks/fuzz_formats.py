@@ -150,10 +150,10 @@ def sumo_net(roads: Any) -> bytes:
     return "\n".join([*lines, "</net>"]).encode()
 
 
-def requests_of(drive: Any, fixes: int = 30) -> tuple[bytes, bytes]:
-    """The first fixes as requests of OSRM (coordinates, line feed, options) and of Valhalla."""
+def requests_of(drive: Any) -> tuple[bytes, bytes]:
+    """The first 30 fixes as requests of OSRM (coordinates, line feed, options) and of Valhalla."""
     f = drive.drive.fixes
-    rows = list(zip(*(c[:fixes].tolist() for c in (f.time, f.lat_deg, f.lon_deg)), strict=True))
+    rows = list(zip(*(c[:30].tolist() for c in (f.time, f.lat_deg, f.lon_deg)), strict=True))
     places = ";".join(f"{lon:.6f},{lat:.6f}" for _, lat, lon in rows)
     times = ";".join(f"{t:.0f}" for t, _, _ in rows)
     radiuses = ";".join(["5"] * len(rows))

@@ -84,7 +84,7 @@ def one(seed: int, *, vague: bool, scenario: str, length_m: float, settings: Set
         right = np.zeros(len(right), bool)
         row["knows"] = float(off[np.searchsorted(travelled, KNOWS_OFF_M) - 1] >= KNOWS_OFF)
     sure = p > SURE
-    first = _first_held(sure, output.rows.edge[at], travelled)
+    first = first_held(sure, travelled)
     row |= {"known": float(first is not None), "wrong": float(first is not None)}
     if first is not None:
         row |= {"right": float(right[first]), "wrong": float(not right[first])}
@@ -113,8 +113,8 @@ def _declaration(at: np.ndarray, right: np.ndarray, travelled: np.ndarray) -> Ro
     return {"declared": 1.0, "declared wrong": wrong, "declared after": float(travelled[at[0]])}
 
 
-def _first_held(sure: np.ndarray, edge: np.ndarray, travelled: np.ndarray) -> int | None:
-    """The first row from which the same edge, or its followers, stay sure for some metres."""
+def first_held(sure: np.ndarray, travelled: np.ndarray) -> int | None:
+    """The first row from which all rows are sure for some metres."""
     for k in np.flatnonzero(sure & np.append(True, ~sure[:-1])):
         ahead = (travelled >= travelled[k]) & (travelled < travelled[k] + _HOLDS_M)
         if sure[ahead].all():

@@ -170,15 +170,14 @@ def _beside(huge: str | None, port: int) -> Iterator[list[int]]:
         assert process.exitcode == 0
 
 
-def ideal(alone: list[float], processes: int, answers: int = 20_000) -> float:
+def ideal(alone: list[float], processes: int) -> float:
     """p99, ms, of callers without a pause who share one queue, first come first served.
 
     Args:
         alone: Seconds of the answers to a single caller, of which those of all are drawn.
         processes: That answer side by side.
-        answers: That are drawn.
     """
-    took = np.random.default_rng(0).choice(alone, answers)
+    took = np.random.default_rng(0).choice(alone, 20_000)
     free = [0.0] * processes
     asked = [0.0] * CALLERS
     found = []

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from scenes import drive_along, epochs_of, gnss, grid_town, localize, network
-from whichroad._compile import Records
+from whichroad._compile import Record, Records
 from whichroad.filter.state import CLOCK, DISTANCE, OFF_ROAD, WHEELS
 from whichroad.graph.network import Roads
-from whichroad.lookback.traversals import Traversal, traversal_rows, traversals
+from whichroad.lookback.traversals import traversals
 from whichroad.recorded import Recorded
 
 ROADS = network(grid_town())
@@ -28,11 +28,11 @@ def true_edges() -> list[int]:
     return found
 
 
-def rows_of(epochs: Records, recorded: Recorded, roads: Roads) -> list[Traversal]:
-    return traversal_rows(traversals(epochs, recorded.output, recorded.chain, roads))
+def rows_of(epochs: Records, recorded: Recorded, roads: Roads) -> list[Record]:
+    return list(traversals(epochs, recorded.output, recorded.chain, roads))
 
 
-def driven(mode: int = WHEELS, seed: int = 0) -> list[Traversal]:
+def driven(mode: int = WHEELS, seed: int = 0) -> list[Record]:
     fix = gnss(TRUTH, seed=seed)
     epochs = epochs_of(TRUTH, fix, np.arange(0, len(TRUTH.time), 10), course=0.1)
     return rows_of(epochs, localize(ROADS, epochs, mode=mode), ROADS)

@@ -96,16 +96,15 @@ class Feed:
     Args:
         world: Whose drive it is.
         send: Takes the bytes of a burst.
-        wheels: Whether wheels go out over the multicast bus of python-can.
 
     Attributes:
         sent: When the burst of each fix was sent, by its epoch in 1/100 s.
     """
 
-    def __init__(self, world: World, send, wheels=True):
+    def __init__(self, world: World, send):
         self.sent = {}
         self._world, self._send = world, send
-        self._bus = bus() if wheels else None
+        self._bus = bus()
         self._stop = threading.Event()
         self._begin = round(time.time() + 0.2, 1)
         self._thread = threading.Thread(target=self._run)
@@ -116,14 +115,12 @@ class Feed:
         for row in range(len(log.time)):
             if not self._until(self._begin + 0.01 * row):
                 break
-            if self._bus is not None:
-                self._turn(payload(log, row))
+            self._turn(payload(log, row))
             number, tenth = divmod(row - _LATE, 10)
             if tenth == 0 and 0 <= number < len(fixes):
                 when = self._begin + 0.1 * number
                 self._say(burst(fixes, number, when), round(100.0 * when))
-        if self._bus is not None:
-            self._bus.shutdown()
+        self._bus.shutdown()
 
     def _say(self, data, epoch):
         self.sent[epoch] = time.perf_counter()

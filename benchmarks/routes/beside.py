@@ -241,7 +241,7 @@ def stops(options: Options, roads: Any) -> Iterator[tuple[turning.Drive, np.ndar
             parts = [turning.Piece(e, 0.0, float(length[e])) for e in way[:-1]]
             parts += [turning.Piece(way[-1], 0.0, s, STAND, aside)]
             parts += [turning.Piece(way[-1], s, min(s + 4.0, float(length[way[-1]])))]
-            drive = turning.driven(roads, "stop", parts, rng)
+            drive = turning.driven(roads, "stop", parts)
             count += 1
             yield drive, turning.noise(len(drive.time), rng), aside > 0.0
 

@@ -74,7 +74,7 @@ def theirs(options: Options, file: Path) -> Callable[[], dict[str, float]] | Non
     return measure
 
 
-def ours(every: int, traces: list[Any], roads: Any) -> tuple[float, float]:
+def ours(traces: list[Any], roads: Any) -> tuple[float, float]:
     """Fixes per processor second of `match_many`, and of `match(lag="full")` trip by trip."""
     copies = max(1, ROWS // sum(len(t.t) for t in traces))
     parts = [
@@ -113,7 +113,7 @@ def measure(options: Options) -> list[Figure]:
     for _ in range(TURNS):
         told = peer() if peer else {}
         for every in rates:
-            own = ours(every, traces[every], roads)
+            own = ours(traces[every], roads)
             fixes = sum(len(t.t) for t in traces[every])
             rate = fixes / told[str(every)] if told else 0.0
             best[every] = [max(a, b) for a, b in zip(best[every], (*own, rate), strict=True)]

@@ -160,7 +160,7 @@ def pieces(roads: Any, kind: str, allowed: np.ndarray, ends: np.ndarray, rng: An
     return found + [Piece(e, 0.0, float(length[e])) for e in walk(roads, edge, 1e3, allowed, rng)]
 
 
-def driven(roads: Any, kind: str, parts: list[Piece], rng: Any) -> Drive:
+def driven(roads: Any, kind: str, parts: list[Piece]) -> Drive:
     """Positions at 1 Hz of a car that slows for bends and turns."""
     s, edge, limit, stop, aside = [], [], [], [], []
     for piece in parts:
@@ -231,7 +231,7 @@ def drives(options: Options, roads: Any) -> Iterator[tuple[Drive, np.ndarray]]:
             found: list[Piece] = []
             while not found:
                 found = pieces(roads.arrays, kind, allowed, ends, rng)
-            drive = driven(roads, kind, found, rng)
+            drive = driven(roads, kind, found)
             yield drive, noise(len(drive.time), rng)
 
 

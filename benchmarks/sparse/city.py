@@ -2,17 +2,9 @@
 
 from typing import Any
 
-import numpy as np
-
 from .. import Options
 from . import harness, runner, scores
 
-CONDITIONS = [
-    harness.key(interval, sigma, tau)
-    for interval in harness.INTERVALS
-    for sigma in (5, 10)
-    for tau in (0.0, harness.TAU)
-]
 ALL = (*harness.PEERS, runner.OURS)
 
 
@@ -99,14 +91,3 @@ def rates(found: dict[str, Any]) -> dict[str, dict[str, float]]:
             if "rate" in row and not row.get("stored"):
                 out.setdefault(name, {})[text] = float(row["rate"])
     return out
-
-
-def mean_rank(found: dict[str, Any], what: str) -> float:
-    """Share of conditions in which we are at least as good as the best peer."""
-    better = []
-    for row in found.values():
-        peers = [v[what] for n, v in row.items() if n in harness.PEERS]
-        if peers and runner.OURS in row:
-            ours = row[runner.OURS][what]
-            better.append(ours >= max(peers) if what == "directed" else ours <= min(peers))
-    return float(np.mean(better)) if better else 0.0

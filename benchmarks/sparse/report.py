@@ -51,10 +51,10 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
 
 
-def _percent(row: dict[str, Any] | None, what: str, digits: int = 2) -> str:
+def _percent(row: dict[str, Any] | None, what: str) -> str:
     if row is None:
         return "-"
-    return f"{100 * row[what]:.{digits}f}{'*' if row.get('stored') else ''}"
+    return f"{100 * row[what]:.2f}{'*' if row.get('stored') else ''}"
 
 
 def _real(found: dict[str, Any], sets: dict[int, dict[str, str]]) -> str:

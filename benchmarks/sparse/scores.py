@@ -7,9 +7,6 @@ import numpy as np
 
 from whichroad.evaluate import calibration_error
 
-from .. import Options
-from . import harness
-
 CHI2_95 = 5.991  # two degrees of freedom
 SAME_M = 1.0  # a true position is at most so far from the edge that it is on
 TIE_M = 0.02  # and nearer to that by so much than to the edges that follow or lead to it
@@ -170,11 +167,3 @@ def together(told: list[dict[str, Any]]) -> dict[str, Any]:
             gap[b] = gap.get(b, 0.0) + count * (said - was)
             n += count
     return {"error": sum(abs(v) for v in gap.values()) / n if n else None, "n": n}
-
-
-def best(options: Options, pools: dict[str, dict[str, float]], what: str) -> tuple[str, float]:
-    """The peer that is best at something: the lowest rmf or rmse, the highest directed."""
-    sign = -1.0 if what == "directed" else 1.0
-    found = {n: sign * p[what] for n, p in pools.items() if n in harness.PEERS}
-    name = min(found, key=lambda n: found[n])
-    return name, pools[name][what]

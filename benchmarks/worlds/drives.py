@@ -99,7 +99,7 @@ def _driven(place: str, seed: int, folder: Path, data: Path) -> tuple[Net, list[
     return net, make_drives(net, seed)
 
 
-def table_of(truth: Truth, fixes: Fixes, suite: str, odometry: dict[str, Any], chart: Chart) -> Any:
+def table_of(fixes: Fixes, odometry: dict[str, Any], chart: Chart) -> Any:
     """A drive as the table that whichroad reads."""
     degrees = chart.plane.degrees(np.column_stack([fixes.x, fixes.y]))
     columns = {
@@ -180,7 +180,7 @@ def run_drive(
     suite, events, fixes, odometry = sense(world, number, chosen, data, told, sensors)
     if not len(fixes.time):
         return None
-    table = table_of(truth, fixes, suite, odometry, world.chart)
+    table = table_of(fixes, odometry, world.chart)
     if lag == online.ON_LINE:
         result = online.answer(table, world.chart.roads, CAR, settings)
     else:

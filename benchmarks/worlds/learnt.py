@@ -150,7 +150,7 @@ def _alone(make: Callable[..., Fixes], *args: float | str) -> Case:
     def case(world: World, number: int, random: np.random.Generator, options: Options) -> Any:
         truth = world.truths[number]
         fixes = make(truth, *args, random, options.data)
-        return table_of(truth, fixes, "fixes", {}, world.chart), truth, world.chart
+        return table_of(fixes, {}, world.chart), truth, world.chart
 
     return case
 
@@ -177,7 +177,7 @@ def _off(metres: float, too_small: float = 1.0, relative: float = 1.0) -> Case:
         fixes = replace(fixes, cov=fixes.cov / too_small**2)
         chart = _charts[key]
         return (
-            table_of(truth, fixes, "wheels", count_wheels(truth, [], random), chart),
+            table_of(fixes, count_wheels(truth, [], random), chart),
             truth,
             chart,
         )

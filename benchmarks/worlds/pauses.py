@@ -64,7 +64,7 @@ def _add(
     truth = world.truths[number]
     cut = 0.3 * float(truth.time[-1])
     end = cut + UNSEEN
-    suite, _, fixes, odometry = sense(world, number, [], options.data)
+    _, _, fixes, odometry = sense(world, number, [], options.data)
     if cut < BEFORE or truth.time[-1] < end + AFTER or not len(fixes.time):
         return
     seen = _seen(fixes.time, cut, end, way)
@@ -73,7 +73,7 @@ def _add(
     fixes = replace(fixes, **columns | {"time": moments[seen]})
     odometry = _paused(odometry, cut, end, pause, way)
     truth = replace(truth, time=_later(truth.time, cut, end, pause))
-    table = table_of(truth, fixes, suite, odometry, world.chart)
+    table = table_of(fixes, odometry, world.chart)
     result = whichroad.match(table, world.chart.roads, vehicle=CAR, settings=options.settings())
     said, _ = said_of(result.to_arrow(), truth, world.chart)
     sensors = "with odometry" if odometry else "receiver alone"

@@ -274,7 +274,6 @@ def _columns(
 
 # --- errors of real drives ------------------------------------------------------------------------
 
-_LEAP = 18.0  # s, GPS time ahead of UTC, as both tables are in
 _EARTH = 6_371_000.0
 
 FILES = {

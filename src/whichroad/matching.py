@@ -298,9 +298,8 @@ def _summary(
 
 
 def timeline_of(
-    drive: Drive, roads: RoadMap, vehicle: Vehicle, mask: Sequence[tuple[float, float]] = (),
-    sensed: Sensed | None = None,
-) -> tuple[Timeline, int]:  # fmt: skip
+    drive: Drive, roads: RoadMap, vehicle: Vehicle, *, sensed: Sensed | None = None
+) -> tuple[Timeline, int]:
     """A drive in epochs, and how many of its fixes are off the map.
 
     Raises:
@@ -308,7 +307,7 @@ def timeline_of(
         DriveError: There is neither a fix nor odometry.
     """
     outside = _outside(drive, roads)
-    return build_timeline(drive, roads.plane, vehicle, mask, sensed), outside
+    return build_timeline(drive, roads.plane, vehicle, sensed=sensed), outside
 
 
 def _outside(drive: Drive, roads: RoadMap) -> int:

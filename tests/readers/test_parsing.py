@@ -38,11 +38,11 @@ def test_decimal_numbers_are_read_as_python_reads_them(fields):
 @given(st.lists(st.integers(0, 255), max_size=20))
 def test_hexadecimal_numbers_are_read_as_python_reads_them(numbers):
     text = np.frombuffer("".join(f"{n:02X}" for n in numbers).encode(), np.uint8)
-    value, bad = hexadecimal(text, 2 * np.arange(len(numbers)), 2)
+    value, bad = hexadecimal(text, 2 * np.arange(len(numbers)))
     assert value.tolist() == numbers
     assert not bad.any()
 
 
 def test_what_is_no_hexadecimal_digit_or_lies_beyond_the_text_is_bad():
     text = np.frombuffer(b"0GA", np.uint8)
-    assert hexadecimal(text, np.array([0, 1, 2]), 2)[1].tolist() == [True, True, True]
+    assert hexadecimal(text, np.array([0, 1, 2]))[1].tolist() == [True, True, True]

@@ -53,7 +53,7 @@ def attributes_answer(matched: Matched, wish: Wish) -> dict[str, Any]:
     Raises:
         AnswerError: Nothing is matched.
     """
-    pieces, starts = _all_pieces(matched)
+    pieces = _all_pieces(matched)
     size, line = lengths(matched, pieces), drawn(matched, pieces)
     edges = Edges(matched, pieces, size, line, *bearings(line), UNITS[wish.units])
     begin = float(matched.driven.enter_time[pieces[0].at])
@@ -70,26 +70,22 @@ def attributes_answer(matched: Matched, wish: Wish) -> dict[str, Any]:
     if wish.included is None or any(name.startswith("admin.") for name in wish.included):
         answer["admins"] = [{"country_text": "None", "state_text": "None"}]  # type: ignore[assignment]
     answer["edges"] = [_filtered(edge, wish) for edge in told]  # type: ignore[assignment]
-    answer["matched_points"] = _points(matched, pieces, starts, wish)  # type: ignore[assignment]
+    answer["matched_points"] = _points(matched, pieces, wish)  # type: ignore[assignment]
     answer["alternate_paths"] = []  # type: ignore[assignment]
     answer["whichroad"] = estimates(matched)  # type: ignore[assignment]
     return answer | ({} if wish.id is None else {"id": wish.id})
 
 
-def _all_pieces(matched: Matched) -> tuple[list[Piece], list[int]]:
-    """Pieces of all runs, and the first of each run.
+def _all_pieces(matched: Matched) -> list[Piece]:
+    """Pieces of all runs.
 
     Raises:
         AnswerError: There is no run.
     """
     if not matched.runs:
         raise valhalla_error(444)
-    pieces: list[Piece] = []
-    starts = []
-    for run in matched.runs:
-        starts.append(len(pieces))
-        pieces += matched.pieces(run.points[0], run.points[-1])
-    return pieces, starts
+    ends = [(run.points[0], run.points[-1]) for run in matched.runs]
+    return [piece for first, last in ends for piece in matched.pieces(first, last)]
 
 
 def _filtered(edge: dict[str, Any], wish: Wish) -> dict[str, Any]:
@@ -107,9 +103,7 @@ def _filtered(edge: dict[str, Any], wish: Wish) -> dict[str, Any]:
     return found | ({"end_node": node} if node else {})
 
 
-def _points(
-    matched: Matched, pieces: list[Piece], starts: list[int], wish: Wish
-) -> list[dict[str, Any]]:
+def _points(matched: Matched, pieces: list[Piece], wish: Wish) -> list[dict[str, Any]]:
     """One for each point of the trace."""
     number = {piece.at: k for k, piece in enumerate(pieces)}
     length = matched.roads.arrays.edges.length[matched.driven.edge[matched.at]].tolist()

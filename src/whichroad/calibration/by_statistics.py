@@ -142,8 +142,8 @@ def _spread(values: Sequence[float]) -> float:
     return math.sqrt((n - 1) * float(np.var(values))) if n > 1 else math.inf
 
 
-def student_t(freedom: int, p: float = 0.95) -> float:
-    """What |t| stays below with probability p; the whole degrees of freedom make it a finite sum.
+def student_t(freedom: int) -> float:
+    """What |t| stays below with P = 0.95; the whole degrees of freedom make it a finite sum.
 
     Abramowitz and Stegun, 26.7.3 and 26.7.4, in the angle atan(t / sqrt(freedom)).
     """
@@ -152,7 +152,7 @@ def student_t(freedom: int, p: float = 0.95) -> float:
         angle = 0.5 * (below + above)
         if not below < angle < above:
             return math.sqrt(freedom) * math.tan(angle)
-        if _within(angle, freedom) < p:
+        if _within(angle, freedom) < 0.95:
             below = angle
         else:
             above = angle

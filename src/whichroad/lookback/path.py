@@ -111,14 +111,13 @@ class Alternative:
         return self.routes
 
 
-def best_chain(history: History, path: Path, roads: Roads, *, viterbi: bool = False) -> Chain:
+def best_chain(history: History, path: Path, roads: Roads) -> Chain:
     """The path on which most of the drive is right, by the smoothed probabilities.
 
     Args:
         history: The graph, smoothed.
         path: The tree of edges entered.
         roads: The network.
-        viterbi: Rather the most probable chain of hypotheses.
 
     Returns:
         The edges.
@@ -130,7 +129,7 @@ def best_chain(history: History, path: Path, roads: Roads, *, viterbi: bool = Fa
     p[history.nodes.edge[:nodes] == OFF_ROAD] *= _OFF_ROAD_WEIGHT
     time = history.steps.time[:steps]
     weight = np.diff(time, append=time[-1]) + 0.1
-    best_path(history, weight, p, viterbi, score, back, chain)
+    best_path(history, weight, p, False, score, back, chain)
     return _edges_of(_columns(history, path, roads), chain)
 
 

@@ -1,7 +1,5 @@
 """From a chain of edges to traversals: edges with times of entry and exit."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,25 +13,6 @@ from .path import Chain
 _SHORT = 30.0  # m
 
 Traversals = Records  # (r,) TRAVERSAL, the edges of a path in driving order
-
-
-class Traversal(NamedTuple):
-    """One edge of the path."""
-
-    edge: int
-    enter_time: float  # s
-    exit_time: float
-    enter_m: float  # along-track position
-    exit_m: float
-    p: float  # mean probability of the edge while it was driven
-    gap: bool  # does not follow from the edge before
-    rules: int = 0  # that driving into it and along it broke, see `graph.network`
-
-
-def traversal_rows(driven: Traversals) -> list[Traversal]:
-    """Traversals one by one."""
-    columns = (driven[name].tolist() for name in Traversal._fields)
-    return [Traversal(*row) for row in zip(*columns, strict=True)]
 
 
 def _joined(chain: NDArray[np.int32]) -> NDArray[np.int64]:

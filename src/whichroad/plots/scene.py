@@ -106,8 +106,8 @@ def origin_of(result: "Result", roads: "RoadMap") -> "Array":
     return np.asarray(np.floor(lowest / 100) * 100)
 
 
-def ambiguous_windows(scene: Scene, count: int = 2) -> list[Window]:
-    """The stretches in which the choice between roads was least clear, in order of time.
+def ambiguous_windows(scene: Scene) -> list[Window]:
+    """The two stretches in which the choice between roads was least clear, in order of time.
 
     Unclear is a second-best hypothesis of probability above `LIVE`; neighbours less
     than five seconds apart are one stretch, and of each its most unclear part is shown.
@@ -121,7 +121,7 @@ def ambiguous_windows(scene: Scene, count: int = 2) -> list[Window]:
     stretches = np.split(when, np.flatnonzero(np.diff(scene.time[when]) > 5) + 1)
     stretches.sort(key=lambda run: -float(second[run].sum()))
     middles = sorted(
-        float(np.average(scene.time[run], weights=second[run])) for run in stretches[:count]
+        float(np.average(scene.time[run], weights=second[run])) for run in stretches[:2]
     )
     return [
         Window(f"Which road, {middle:.0f} s after the start?", middle - _AROUND, middle + _AROUND)

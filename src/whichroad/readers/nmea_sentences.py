@@ -231,7 +231,7 @@ def _frames(text: Bytes, skipped: Skipped) -> tuple[Ints, Ints, int]:
         dollar, star, proprietary = dollar[whole], star[whole], proprietary[whole]
 
     running = np.bitwise_xor.accumulate(text) if len(text) else text
-    decoded, bad = hexadecimal(text, star + 1, 2)
+    decoded, bad = hexadecimal(text, star + 1)
     good = ~bad & ((running[star - 1] ^ running[dollar]) == decoded)
     keep(good, CHECKSUM, skipped)
     keep(~(good & proprietary), PROPRIETARY, skipped)

@@ -54,11 +54,11 @@ def decimal(text: Bytes, start: Ints, stop: Ints) -> tuple[NDArray[np.float64], 
     return np.where(bad | (width <= 0), np.nan, number), bad
 
 
-def hexadecimal(text: Bytes, start: Ints, width: int) -> tuple[Ints, Bools]:
-    """Read hexadecimal numbers of `width` digits at `start`; also whether one is bad."""
+def hexadecimal(text: Bytes, start: Ints) -> tuple[Ints, Bools]:
+    """Read hexadecimal numbers of two digits at `start`; also whether one is bad."""
     value = np.zeros(len(start), np.int64)
     bad = np.zeros(len(start), np.bool_)
-    for k in range(width):
+    for k in range(2):
         at = start + k
         digit = HEX[text[np.minimum(at, len(text) - 1)]]
         bad |= (digit < 0) | (at >= len(text))

@@ -208,7 +208,7 @@ class _Segments:
         before: tuple[_Kind, str] | None = None
         for begin, end in parts_between(at, breaks):
             middle = 0.5 * (at[begin] + at[end]) / at[-1]
-            kind = _kind(word, row, rules, middle)
+            kind = _kind(word, rules, middle)
             if kind is None:
                 self.skipped["parts under construction or abandoned"] += 1
                 before = None
@@ -344,7 +344,7 @@ def _with_vertices(
     return xy, at, moved[len(joints) :]
 
 
-def _kind(word: str, row: Mapping[str, Any], rules: Rules, share: float) -> _Kind | None:
+def _kind(word: str, rules: Rules, share: float) -> _Kind | None:
     """What a segment is at a place; None: it cannot be driven."""
     flags = rules.flags(share)
     if flags & {"is_under_construction", "is_abandoned"}:

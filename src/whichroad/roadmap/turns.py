@@ -99,7 +99,7 @@ def successors(graph: Graph, streets: Streets, node_id: Column) -> Turns:
             dead_end[edge[own]], low,
         )  # fmt: skip
         release(turns)
-    return Turns(first.astype(np.int32), turns, *_predecessors(graph, origin, edge, count), dropped)
+    return Turns(first.astype(np.int32), turns, *_predecessors(origin, edge, count), dropped)
 
 
 def _blocks(first: Ints) -> list[tuple[int, int]]:
@@ -116,7 +116,7 @@ def _angles(graph: Graph, origin: Ints32, edge: Ints32, u_turn: NDArray[np.bool_
     return angle
 
 
-def _predecessors(graph: Graph, origin: Ints32, edge: Ints32, count: Ints) -> tuple[Ints32, Ints32]:
+def _predecessors(origin: Ints32, edge: Ints32, count: Ints) -> tuple[Ints32, Ints32]:
     """First predecessor of each edge, and the predecessors."""
     back = np.argsort(edge, kind="stable")
     into = np.bincount(edge, minlength=len(count))
