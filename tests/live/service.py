@@ -14,7 +14,7 @@ from websockets.sync.client import connect
 
 # A process beside the filter gives way to all others.  Beside busy processors, as those of tests
 # are, it waits for minutes: here it does not, but where that itself is tested.
-KEEPS_PACE = "import whichroad.live.priority as p; p.give_way = lambda **_: None; "
+KEEPS_PACE = "import whichroad.live.background as b; b.give_way = lambda **_: None; "
 _CODE = "from whichroad.cli import main; main()"
 _URGENT = f"from whichroad.live import traces as t; t._WORKER = {KEEPS_PACE!r} + t._WORKER; {_CODE}"
 

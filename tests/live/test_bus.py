@@ -16,6 +16,7 @@ from whichroad import GeoFix, Localizer, read_vehicle
 from whichroad.live.addresses import can_address, nmea_address
 from whichroad.live.decode import CanStream
 from whichroad.live.server import Plan, Run
+from whichroad.live.vehicle_run import Fitted
 from whichroad.readers.can_frames import read_frames
 from whichroad.simulate.drive_files import nmea_text
 
@@ -67,12 +68,12 @@ def frames_of(files, begin, until):
 def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
     drive = files / "drive"
     channel, udp = "whichroad-test", free_port()
-    plan = Plan(
+    fitted = Fitted(
         Localizer(town, vehicle=read_vehicle(drive / "vehicle.toml")),
         nmea=[nmea_address(f"udp://127.0.0.1:{udp}")],
         can=[(can_address(f"virtual:{channel}"), drive / "vehicle.dbc")],
     )
-    run, _ = running(plan)
+    run, _ = running(Plan([fitted]))
     begin = int(time.time()) - 40
     bursts = list(on_air(nmea_text(ride).encode(), begin))[:12]
     frames = frames_of(files, float(begin), 12.0)
@@ -103,7 +104,9 @@ def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
 
 def test_who_asks_nothing_is_let_go_and_a_websocket_stays(town, observations, running, monkeypatch):
     monkeypatch.setattr("whichroad.live.web_server._REQUEST_TIME", 0.3)
-    run, port = running(Plan(Localizer(town), nmea=[nmea_address(f"udp://:{free_port()}")]))
+    run, port = running(
+        Plan([Fitted(Localizer(town), nmea=[nmea_address(f"udp://:{free_port()}")])])
+    )
     health = run.filter_loop.sensor("test", "gnss")
     idle = socket.create_connection(("127.0.0.1", port), timeout=10)
     with connect(f"ws://127.0.0.1:{port}/ws") as listener:

@@ -88,15 +88,14 @@ def test_a_second_sender_on_a_port_is_refused_and_counted(files, bursts):
 
 def test_the_first_who_gives_a_fix_holds_the_port_until_it_is_silent():
     port = OneSender()
-    assert port.takes("a", 1, 0.0)
-    assert not port.takes("b", 2, 1.0)
-    assert port.takes("a", 1, 2.0)
-    assert not port.takes("b", 1, 7.9)  # fixes come every two seconds: three of them are waited for
-    assert port.refused == 3
-    assert port.takes("b", 1, 8.1)
-    assert not port.takes("a", 1, 8.2)
+    assert port.takes("a", 0.0)
+    assert not port.takes("b", 1.0)
+    assert port.takes("a", 2.0)
+    assert not port.takes("b", 7.9)  # fixes come every two seconds: three of them are waited for
+    assert port.takes("b", 8.1)
+    assert not port.takes("a", 8.2)
     port.leaves("b")
-    assert port.takes("a", 1, 8.3)
+    assert port.takes("a", 8.3)
 
 
 def test_an_option_names_its_vehicle_or_is_for_all():

@@ -25,7 +25,6 @@ from .live_vehicles import Fittings, named, own_file
 if TYPE_CHECKING:
     from ..live.addresses import Address
     from ..live.nmea_output import NmeaOutput
-    from ..live.server import Plan
     from ..live.vehicle_run import Fitted
     from ..observations import Drive
     from ..roadmap import RoadMap
@@ -155,55 +154,56 @@ def live(
         raise typer.BadParameter("--start and --play are of one vehicle; several were named")
     with comes_with("live", "live"):
         check_token(host, token)
+        from ..live.server import Plan, serve
+    from ..roadmap.store import is_compiled
+
     with progress_line() as progress:
         progress("reading the map", 0, 0)
-        first = names[0]
-        car = _path(fittings.one("vehicle", first))
-        plan = _plan(roads, car, pose, lag, more, places)
-        plan.name = first
-        plan.recording = _recorded(play, fittings, plan.localizer.vehicle, more)
-        if plan.recording is not None:
-            _check_on_map(plan.recording, plan.localizer.roads)
-        else:
-            plan.nmea, plan.can = _inputs(fittings, first)
-            plan.readings = _readings(fittings, first)
-        plan.others = [_other(plan, fittings, name, lag, more) for name in names[1:]]
-        plan.pages = _pages(plan.localizer.roads, tiles, tiles_by) if page else ()
-        vehicles: list[Plan | Fitted] = [plan, *plan.others]
+        vehicles = _vehicles(fittings, roads, pose, lag, more, places)
+        first = vehicles[0].localizer
+        recording = _recorded(play, fittings, first.vehicle, more)
+        if recording is not None:
+            _check_on_map(recording, first.roads)
         for one in vehicles:
+            if recording is None:
+                one.nmea, one.can = _inputs(fittings, one.name)
+                one.readings = _readings(fittings, one.name)
             one.nmea_outputs = _nmea_outputs(sinks[one.name])
             one.record = record if record is None or one.name is None else record / one.name
             one.state = own_file(state, one.name)
-    plan.speed, plan.laps, plan.once, plan.rate = factor, laps, once, rate
-    plan.window, plan.clock = window, clock.value
-    plan.host, plan.port, plan.token = host, port, token
-    plan.report = _report
-    plan.ready = lambda bound: _print_addresses(host, bound, plan)
-    from ..live.server import serve
+        pages = _pages(first.roads, tiles, tiles_by) if page else ()
+    serve(
+        Plan(
+            vehicles, roads if is_compiled(roads) else None, recording, speed=factor, laps=laps,
+            once=once, window=window, rate=rate, clock=clock.value, host=host, port=port,
+            token=token, pages=pages, report=_report,
+            ready=lambda bound: _print_addresses(host, bound, vehicles),
+        )
+    )  # fmt: skip
 
-    serve(plan)
 
-
-def _plan(
-    roads: Path, vehicle: Path | None, start: Any, lag: float | None, sensors: "list[Sensor]",
-    places: Path | None,
-) -> "Plan":  # fmt: skip
-    """The filter on its map, warm."""
-    with comes_with("live", "live"):
-        from ..live.server import Plan
+def _vehicles(
+    fittings: Fittings, roads: Path, start: Any, lag: float | None, sensors: "list[Sensor]",
+    places: Any,
+) -> "list[Fitted]":  # fmt: skip
+    """The filter of each vehicle, all on one map; nothing else is fitted yet."""
+    from ..live.vehicle_run import Fitted
     from ..online import Localizer
     from ..roadmap import open_map
-    from ..roadmap.store import is_compiled
 
-    car, settings = _car(vehicle)
+    cars = [(name, *_car(_path(fittings.one("vehicle", name)))) for name in fittings.names]
     network = open_map(roads, check=True)
-    localizer = Localizer(
-        network, vehicle=car, settings=settings, start=start, lag=lag, sensors=sensors,
-        places=places,
-    )  # fmt: skip
-    for note in [] if localizer.places is None else localizer.places.notes():
+    vehicles: list[Fitted] = []
+    for name, car, settings in cars:
+        localizer = Localizer(
+            network, vehicle=car, settings=settings, start=start, lag=lag, sensors=sensors,
+            places=places,
+        )  # fmt: skip
+        places = localizer.places
+        vehicles.append(Fitted(localizer, name))
+    for note in [] if places is None else places.notes():
         typer.echo(f"note: {note}", err=True)
-    return Plan(localizer, compiled=roads if is_compiled(roads) else None)
+    return vehicles
 
 
 def _report(line: str) -> None:
@@ -303,22 +303,6 @@ def _inputs(
     return nmea, can
 
 
-def _other(
-    plan: "Plan", fittings: Fittings, name: str | None, lag: float | None, sensors: "list[Sensor]"
-) -> "Fitted":
-    """A further vehicle on the map of the first."""
-    from ..live.vehicle_run import Fitted
-    from ..online import Localizer
-
-    car, settings = _car(_path(fittings.one("vehicle", name)))
-    localizer = Localizer(
-        plan.localizer.roads, vehicle=car, settings=settings, lag=lag, sensors=sensors,
-        places=plan.localizer.places,
-    )  # fmt: skip
-    nmea, can = _inputs(fittings, name)
-    return Fitted(localizer, name, nmea, can, _readings(fittings, name))
-
-
 def _readings(fittings: Fittings, name: str | None) -> "list[Address]":
     """Where readings of further sensors come from, of a vehicle."""
     from ..live.addresses import nmea_address
@@ -352,9 +336,9 @@ def _pages(roads: "RoadMap", tiles: str | None, tiles_by: str | None) -> Any:
         return ()
 
 
-def _print_addresses(host: str, port: int, plan: "Plan") -> None:
+def _print_addresses(host: str, port: int, vehicles: "list[Fitted]") -> None:
     address_text = f"[{host}]" if ":" in host else host
     typer.echo(f"http://{address_text}:{port}/")
     typer.echo("Ctrl-C stops the service", err=True)
-    for output in [output for one in plan.fitted() for output in one.nmea_outputs]:
+    for output in [output for one in vehicles for output in one.nmea_outputs]:
         typer.echo(f"NMEA: {output.scheme}://{output.host}:{output.port}")

@@ -20,7 +20,7 @@ from .broadcaster import Broadcaster, websocket_frame
 from .filter_loop import FilterLoop
 from .metrics import metrics_of
 from .playback import Player
-from .recent import KEPT, History, body_of
+from .recent import KEPT, History, history_json
 from .refusals import HANDLERS, asked_of
 from .schemas import schemas
 from .traces import LARGEST_TRACE, Traces
@@ -126,7 +126,7 @@ class Service:
         """The messages of the last minutes, `seconds` of them, `every` so many seconds one."""
         seconds = _asked_number(request, "seconds", KEPT, KEPT)
         every = _asked_number(request, "every", 0.0, KEPT)
-        body = body_of(self._asked(request).history.since(seconds, every))
+        body = history_json(self._asked(request).history.since(seconds, every))
         return await compressed(request, body, "application/json", _FRESH)
 
     async def list_vehicles(self, request: Request) -> Response:

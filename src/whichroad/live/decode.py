@@ -21,7 +21,7 @@ from ..observations import (
     WheelTicks,
     YawRate,
 )
-from ..readers.can import Signal, find_signals, si_factor, unit_factor
+from ..readers.can import Signal, find_signals, reverse_value, si_factor, unit_factor
 from ..readers.names import SENSED
 from ..readers.nmea import NmeaParser
 from ..readers.reading import Reading
@@ -149,7 +149,7 @@ class CanStream:
         for role, signal in signals.items():
             self._by_frame.setdefault(signal.frame, []).append(_bits(role, signal))
         self._roles = {role for role in signals if not role.startswith(SENSED)}
-        self._reverse_value = _reverse_value(signals, vehicle)
+        self._reverse_value = reverse_value(signals, vehicle)
         self._backwards = False
         self._last: dict[str, tuple[float, float]] = {}  # role -> time, value
         self._waiting: tuple[float, float] | None = None  # a left wheel without its right one
@@ -306,12 +306,3 @@ def _value(bits: _Bits, data: bytes) -> float:
     if number & bits.sign:
         number -= bits.mask + 1
     return number * bits.scale + bits.offset
-
-
-def _reverse_value(signals: dict[str, Signal], vehicle: Vehicle) -> float | None:
-    """The value of the `reverse` signal that means backwards; None: any but zero."""
-    wanted = vehicle.signals.get("reverse_value")
-    if wanted is None or "reverse" not in signals:
-        return None
-    choices = {str(n): float(v) for v, n in (signals["reverse"].about.choices or {}).items()}
-    return choices[wanted] if wanted in choices else float(wanted)

@@ -18,11 +18,10 @@ from ..diagnosis.sensor_states import SensorState
 from ..errors import WhichroadError
 from ..observations import GeoFix, Observation
 from ..online import Estimate, Localizer
-from ..roadmap import RoadMap
 from .dead_reckoning import DeadReckoning
 from .health import Health, Latency
 from .heard_sensors import HeardSensors
-from .message_types import UNKNOWN, EstimateMessage, PlayMessage
+from .message_types import LIVE, UNKNOWN, EstimateMessage, PlayMessage
 from .messages import Around, Messages
 from .outside_map import OutsideMap
 from .recording import Recorder
@@ -31,7 +30,6 @@ from .troubles import Troubles
 
 Sink = Callable[[bytes, EstimateMessage], None]
 
-LIVE = PlayMessage(mode="live", paused=False, speed=1.0, position_s=None, length_s=None)
 _SILENCE = 0.3  # s without an observation after which messages are predicted
 _LATE_BY = 2.5  # usual intervals without an observation after which this is dead reckoning
 _INTERVALS = 5.0  # usual intervals beyond the newest observation that are predicted, at most
@@ -109,11 +107,6 @@ class FilterLoop:
         self._spacing = 0.0  # s between the times of its observations
         self.until = self.recorded = -math.inf
         self.present: Callable[[float], float] = lambda now: self._newest + now - self._newest_at
-
-    @property
-    def roads(self) -> RoadMap:
-        """The map."""
-        return self.localizer.roads
 
     def sensor(self, name: str, kind: str) -> Health:
         """The health of an input, created at the first call."""

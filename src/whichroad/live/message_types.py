@@ -165,6 +165,9 @@ class PlayMessage(TypedDict):
     length_s: float | None
 
 
+LIVE = PlayMessage(mode="live", paused=False, speed=1.0, position_s=None, length_s=None)
+
+
 class LatencyMessage(TypedDict):
     """From the arrival of a sentence or frame to the estimate's publication, last minute."""
 

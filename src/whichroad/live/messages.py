@@ -18,6 +18,7 @@ from ..places import Places
 from ..roadmap import RoadMap
 from ..roadmap.level_shares import LevelShare, LevelShares
 from .message_types import (
+    LIVE,
     UNKNOWN,
     VERSION,
     Ellipse,
@@ -56,11 +57,7 @@ class Around:
     sensors: Sequence[SensorMessage] = ()
     heard: Sequence[HeardMessage] = ()
     gnss_masked: bool = False
-    play: PlayMessage = field(
-        default_factory=lambda: PlayMessage(
-            mode="live", paused=False, speed=1.0, position_s=None, length_s=None
-        )
-    )
+    play: PlayMessage = field(default_factory=LIVE.copy)
     latency_ms: LatencyMessage = field(default_factory=lambda: LatencyMessage(p50=None, p99=None))
     protection_risk: float = 1e-3
 

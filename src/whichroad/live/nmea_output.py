@@ -12,7 +12,8 @@ from typing import Any
 
 from ..geodesy.angles import radians, wrap_bearing
 from ..geodesy.units import KNOT
-from ..writers.nmea_text import place_of, sealed
+from ..nmea_frame import sealed
+from ..writers.nmea_text import place_of
 from .broadcaster import MOST_LISTENERS, Sockets
 from .message_types import EstimateMessage, FixMessage
 

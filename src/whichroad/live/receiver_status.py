@@ -5,6 +5,7 @@ They are passed on, never used by the filter.
 
 import struct
 
+from ..nmea_frame import checksum
 from .message_types import UNKNOWN, ReceiverStatus
 
 _LONGEST = 120  # bytes of a sentence or message that may still be incomplete
@@ -41,7 +42,7 @@ def _gga(data: bytes) -> ReceiverStatus | None:
         if begin < 0 or at - begin > 5 or stop < 0 or len(data) < stop + 3:
             continue
         body, told = data[begin + 1 : stop], data[stop + 1 : stop + 3]
-        if told.upper() != b"%02X" % _checksum(body):
+        if told.upper() != b"%02X" % checksum(body):
             continue
         fields = body.decode("ascii", "replace").split(",")
         if len(fields) < 12 or fields[6] in ("", "0"):
@@ -71,13 +72,6 @@ def _number(text: str) -> float | None:
     """A plain decimal number; None for anything else."""
     whole, _, part = text.removeprefix("-").partition(".")
     return float(text) if (whole + part).isdecimal() and len(text) < 12 else None
-
-
-def _checksum(body: bytes) -> int:
-    total = 0
-    for letter in body:
-        total ^= letter
-    return total
 
 
 def _ubx_checksum(body: bytes) -> bytes:

@@ -53,7 +53,7 @@ class History:
         return found
 
 
-def body_of(texts: list[bytes]) -> bytes:
+def history_json(texts: list[bytes]) -> bytes:
     """The answer of `/history`."""
     head = json.dumps({"version": VERSION, "type": "history"})[:-1].encode()
     return head + b', "estimates": [' + b",".join(texts) + b"]}"

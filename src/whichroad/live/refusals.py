@@ -11,7 +11,7 @@ from starlette.types import Receive, Scope, Send
 
 from .access import refuse
 
-_BODY_TIME = 30.0  # s, timeout of a request's body
+BODY_TIME = 30.0  # s, timeout of a request's body
 
 
 class Refusal(Response):
@@ -63,7 +63,7 @@ async def body_of(request: Request) -> bytes:
         HTTPException: It does not come in time.
     """
     try:
-        async with asyncio.timeout(_BODY_TIME):
+        async with asyncio.timeout(BODY_TIME):
             return await request.body()
     except TimeoutError:
         raise HTTPException(408, "the body did not come in time") from None

@@ -13,29 +13,23 @@ class OneSender:
 
     It holds the port until it leaves, or is silent for some seconds.  Connections that give no
     fix hold nothing, so rubbish cannot keep a receiver out.
-
-    Attributes:
-        refused: Fixes of others that were refused.
     """
 
     def __init__(self) -> None:
-        self.refused = 0
         self._holder: Any = None
         self._heard = self._interval = 0.0
 
-    def takes(self, sender: Any, count: int, now: float | None = None) -> bool:
+    def takes(self, sender: Any, now: float | None = None) -> bool:
         """Whether fixes of a sender are taken.
 
         Args:
             sender: Who sends them.
-            count: How many came.
             now: s on a clock of one's own.
         """
         now = time.perf_counter() if now is None else now
         if self._holder is not None and self._holder is not sender:
             patience = min(max(_HELD, _INTERVALS * self._interval), _LONGEST)
             if now - self._heard <= patience:
-                self.refused += count
                 return False
             self._interval = 0.0
         elif self._holder is sender:

@@ -20,11 +20,9 @@ from ..observations import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelT
 from ..online import Localizer
 from ..roadmap.extent import are_near
 from .access import is_local
-from .addresses import Address
 from .app import Service, application
 from .checkpoint import EVERY
 from .messages import Around, Messages
-from .nmea_output import NmeaOutput
 from .playback import Player, RecordedObservations
 from .traces import Traces
 from .vehicle_run import Fitted, VehicleRun
@@ -40,22 +38,15 @@ class Plan:
     """What `serve` is to do.
 
     Attributes:
-        localizer: The filter.
-        compiled: The file of its map, where that is a compiled one.
-        nmea: Where fixes come from.
-        can: Where frames come from, and the .dbc that describes them.
-        recording: A recorded drive instead of both.
+        vehicles: At least one, all on one map.
+        compiled: The file of the map, where that is a compiled one.
+        recording: A recorded drive, played for the first vehicle instead of its inputs.
         speed: Times real time; None: as fast as possible.
         laps: How often it is played.
         once: Whether to end with the recording.
         window: s by which observations may be late.
         rate: Messages a second where no fix calls for one.
         clock: `sensor`: observations have their own times; `arrival`: that of their arrival.
-        record: Folder of the recording.
-        state: File of the checkpoint.
-        nmea_outputs: Outputs of NMEA.
-        name: Of the vehicle, where there are several.
-        others: The other vehicles, on the same map.
         host, port: Of the web; port 0: any that is free.
         token: Asked of everybody.
         pages: Routes of the page.
@@ -63,11 +54,8 @@ class Plan:
         ready: Called with the web server's port when it is open.
     """
 
-    localizer: Localizer
+    vehicles: Sequence[Fitted]
     compiled: Path | None = None
-    nmea: Sequence[Address] = ()
-    can: Sequence[tuple[Address, Path]] = ()
-    readings: Sequence[Address] = ()
     recording: Drive | None = None
     speed: float | None = 1.0
     laps: int = 1
@@ -75,25 +63,12 @@ class Plan:
     window: float = 1.0
     rate: float = 10.0
     clock: str = "sensor"
-    record: Path | None = None
-    state: Path | None = None
-    nmea_outputs: Sequence[NmeaOutput] = ()
-    name: str | None = None
-    others: Sequence[Fitted] = ()
     host: str = "127.0.0.1"
     port: int = 8080
     token: str | None = None
     pages: Sequence[BaseRoute] = ()
     report: Callable[[str], None] = field(default=lambda line: None)
     ready: Callable[[int], None] = field(default=lambda port: None)
-
-    def fitted(self) -> list[Fitted]:
-        """All vehicles, the first one first."""
-        first = Fitted(
-            self.localizer, self.name, self.nmea, self.can, self.readings, self.record, self.state,
-            self.nmea_outputs,
-        )  # fmt: skip
-        return [first, *self.others]
 
 
 def serve(plan: Plan) -> None:
@@ -123,14 +98,14 @@ class Run:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        for one in plan.fitted():
+        for one in plan.vehicles:
             warm_up(one.localizer)
         self.vehicles = [
             VehicleRun(
                 one, window=plan.window, rate=plan.rate, played=plan.recording is not None,
                 report=plan.report,
             )
-            for one in plan.fitted()
+            for one in plan.vehicles
         ]  # fmt: skip
         self.filter_loop = self.vehicles[0].filter_loop
         self.writer = ThreadPoolExecutor(1)
@@ -194,9 +169,9 @@ class Run:
             if filter_loop.buffer.now > 0.0:
                 self.player.start_at(filter_loop.buffer.now)
             return []
-        if any(one.can for one in plan.fitted()):
+        if any(one.can for one in plan.vehicles):
             import can  # noqa: F401  # now, as importing it later would hold everything up
-        if any(address.kind == "serial" for one in plan.fitted() for address in one.nmea):
+        if any(address.kind == "serial" for one in plan.vehicles for address in one.nmea):
             import serial  # noqa: F401
         by_arrival = plan.clock == "arrival"
         return [one for vehicle in self.vehicles for one in vehicle.inputs(by_arrival)]

@@ -15,6 +15,7 @@ from typing import Any
 
 from ..errors import SettingError
 from ..observations import Observation
+from ..readers.can_frames import EXTENDED, key
 from .addresses import Address
 from .decode import CanStream, NmeaStream
 from .health import Health
@@ -28,7 +29,6 @@ _DEAD = 15.0  # s without a byte, after which a connection is renewed
 _FIRST, _MOST = 0.2, 5.0  # s, first and longest wait between two tries
 _MOST_BYTES = 500_000  # bytes per second, at most; 460,800 baud are 46,000
 _MOST_PEERS = 16  # peers of a listening port, at most
-_EXTENDED = 1 << 31
 
 
 class NmeaInput:
@@ -105,7 +105,7 @@ class NmeaInput:
         self._pass_on(self._stream.flush())
 
     def _pass_on(self, fixes: Sequence[Observation]) -> None:
-        if fixes and self.port is not None and not self.port.takes(self, len(fixes)):
+        if fixes and self.port is not None and not self.port.takes(self):
             self._health.refused += len(fixes)
         elif fixes:
             self.useful = time.perf_counter()
@@ -273,7 +273,7 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
     import can
 
     wanted = [
-        {"can_id": k & ~_EXTENDED, "can_mask": 0x1FFFFFFF, "extended": bool(k & _EXTENDED)}
+        {"can_id": k & ~EXTENDED, "can_mask": 0x1FFFFFFF, "extended": bool(k & EXTENDED)}
         for k in stream.frames
     ]
 
@@ -297,8 +297,8 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
     def take(frame: Any, arrival: float) -> None:
         if frame.is_error_frame or frame.is_remote_frame:
             return
-        extended = _EXTENDED if frame.is_extended_id else 0
-        readings = stream.feed(frame.arbitration_id | extended, frame.timestamp, bytes(frame.data))
+        name = key(frame.arbitration_id, frame.is_extended_id)
+        readings = stream.feed(name, frame.timestamp, bytes(frame.data))
         health.open()
         health.skipped = stream.skipped
         if readings:

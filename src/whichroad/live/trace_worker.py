@@ -21,6 +21,7 @@ from ..errors import WhichroadError
 from ..page.compressed import LEVEL
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
+from .background import limit_memory, one_thread
 from .message_types import VERSION
 from .trace_limits import MOST_ROWS, TooLargeTrace, check_size, stream_of
 from .trace_options import TraceOptions
@@ -30,10 +31,6 @@ MOST_MEMORY = 300 * 1024 * 1024  # bytes that one trace may take, where the syst
 GEOMETRIES = ("FeatureCollection", "Feature", "LineString", "MultiLineString", "MultiPoint")
 _EXPECTED = "JSON rows with time, lat and lon, columns of them, or GeoJSON were expected"
 _ROWS_AT_ONCE = 2000  # rows of the answer that are made at once
-SURROUNDINGS = {  # threads and allocators reserve memory that counts as used
-    "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system",
-    "MALLOC_ARENA_MAX": "2",
-}  # fmt: skip
 
 
 class Refused(Exception):
@@ -231,27 +228,15 @@ def _columns(given: Any) -> Any:
         raise Refused(400, _EXPECTED) from None
 
 
-def _limit_memory() -> None:
-    """Let private memory grow by so much and no more, on Linux; elsewhere nothing limits it."""
-    with contextlib.suppress(ImportError, OSError, ValueError):
-        import resource
-
-        data = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_DATA, (data + MOST_MEMORY, data + MOST_MEMORY))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
 def _prepare() -> None:
     """Import what matching needs, so that it does not count as the trace's memory; limit that."""
     import geopandas  # noqa: F401
-    import pyarrow as pa
-    import pyarrow.csv
+    import pyarrow.csv  # noqa: F401
 
     from .. import matching  # noqa: F401
 
-    pa.set_cpu_count(1)
-    pa.set_io_thread_count(1)
-    _limit_memory()
+    one_thread()
+    limit_memory(MOST_MEMORY)
 
 
 def _end_with_the_service(folder: Path) -> None:

@@ -22,8 +22,10 @@ from starlette.types import Receive, Scope, Send
 from ..page.compressed import takes_gzip
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
+from .background import SURROUNDINGS
+from .refusals import BODY_TIME
 from .trace_options import TraceOptions, trace_options
-from .trace_worker import ANSWER, BODY, REFUSAL, REQUEST, SURROUNDINGS, request
+from .trace_worker import ANSWER, BODY, REFUSAL, REQUEST, request
 
 LARGEST_TRACE = 16 * 1024 * 1024  # bytes
 _KINDS = {
@@ -35,13 +37,12 @@ _KINDS = {
     "text/plain": ".nmea",
 }
 _NAME = "whichroad-traces-"  # begin of the names of folders; the process's number follows
-_BODY_TIME = 30.0  # s, timeout of a request's body
 _MATCH_TIME = 120.0  # s, timeout of the worker
 _ANSWER_TIME = 120.0  # s, timeout of the answer's delivery
 _PIECE = 65_536  # bytes of the answer that are sent at once
 _WRITTEN = 262_144  # bytes of the body that are written at once
 _WORKER = (  # importing what it needs is done at low priority too
-    f"from {__package__}.priority import give_way; give_way(); "
+    f"from {__package__}.background import give_way; give_way(); "
     f"from {__package__}.trace_worker import main; main()"
 )
 _RETRY = 2  # s after which to ask again while another trace is matched
@@ -166,7 +167,7 @@ class Traces:
         waiting = bytearray()
         with (folder / BODY).open("wb") as file:
             try:
-                async with asyncio.timeout(_BODY_TIME):
+                async with asyncio.timeout(BODY_TIME):
                     more = True
                     while more:
                         message = await receive()

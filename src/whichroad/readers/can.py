@@ -56,7 +56,7 @@ class Signal(NamedTuple):
     """A signal of the .dbc and where it is in its frame."""
 
     name: str
-    frame: int  # as `frames.key` makes it
+    frame: int  # as `can_frames.key` makes it
     about: Any  # cantools' description
     message: Any
 
@@ -274,18 +274,27 @@ def _reversing(
     if "reverse" not in series:
         return None
     time, value = series["reverse"]
+    wanted = reverse_value(signals, vehicle)
+    return time, np.asarray(value != 0 if wanted is None else value == wanted)
+
+
+def reverse_value(signals: dict[str, Signal], vehicle: Vehicle) -> float | None:
+    """The value of the signal `reverse` that means backwards; None: any but zero.
+
+    Raises:
+        ReadError: The vehicle names a value that the signal does not have.
+    """
     wanted = vehicle.signals.get("reverse_value")
-    if wanted is None:
-        return time, np.asarray(value != 0)
+    if wanted is None or "reverse" not in signals:
+        return None
     choices = {str(n): float(v) for v, n in (signals["reverse"].about.choices or {}).items()}
     try:
-        number = choices[wanted] if wanted in choices else float(wanted)
+        return choices[wanted] if wanted in choices else float(wanted)
     except ValueError:
         raise ReadError(
             f"vehicle: [signals] reverse_value is {wanted!r}; a number or one of "
             f"its named values ({listed(sorted(choices))}) was expected"
         ) from None
-    return time, np.asarray(value == number)
 
 
 def _odometry(

@@ -25,7 +25,7 @@ _SPACED = re.compile(
     rb"([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})[ \t]+\[\d+\][ \t]*((?:[0-9A-Fa-f]{2}[ \t]*)*)\r?$",
     re.MULTILINE,
 )
-_EXTENDED = 1 << 31  # marks 29-bit ids in `Frames.key`
+EXTENDED = 1 << 31  # marks ids of 29 bits in `key`
 _ERROR = 0x20000000  # candump's flag of an error frame
 _BY_LIBRARY = {  # suffix -> python-can's class and the mode it wants
     ".blf": ("BLFReader", "rb"),
@@ -46,7 +46,7 @@ class Frames(NamedTuple):
 
 def key(identifier: int, extended: bool) -> int:
     """One number for an id and whether it has 29 bits."""
-    return identifier | _EXTENDED if extended else identifier
+    return identifier | EXTENDED if extended else identifier
 
 
 def read_frames(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> dict[int, Frames]:

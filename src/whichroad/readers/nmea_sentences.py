@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.units import KNOT
+from ..nmea_frame import checksum
 from ..observations import Array
 from .checks import NO_TIME, Bools, Ints, Skipped, keep
 from .dates import day_of
@@ -125,10 +126,7 @@ def sealed(data: bytes) -> bytes:
     for line in data.splitlines(keepends=True):
         begin, body = line.find(b"$"), line.rstrip()
         if begin >= 0 and body != line:
-            check = 0
-            for byte in body[begin + 1 :]:
-                check ^= byte
-            line = b"%s*%02X\r\n" % (body, check)
+            line = b"%s*%02X\r\n" % (body, checksum(body[begin + 1 :]))
         lines.append(line)
     return b"".join(lines)
 

@@ -4,7 +4,6 @@ A frame is its length (4 bytes) and its content.  A request's first byte is its 
 begins with the HTTP status (2 bytes).  The process ends with its standard input.
 """
 
-import contextlib
 import gc
 import json
 import os
@@ -16,6 +15,7 @@ from typing import Any, BinaryIO
 
 from ..answers import AnswerError, osrm_match, trace_attributes, trace_route
 from ..errors import WhichroadError
+from ..live.background import give_way, limit_memory, one_thread
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 
@@ -110,16 +110,6 @@ def _whole_edge(roads: RoadMap) -> tuple[Any, Any, Any]:
     return np.array([0]), np.array([0.0]), roads.arrays.edges.length[:1].astype(float)
 
 
-def _limit_memory() -> None:
-    """Let private memory grow by so much and no more, on Linux; elsewhere nothing limits it."""
-    with contextlib.suppress(ImportError, OSError, ValueError):
-        import resource
-
-        data = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_DATA, (data + MOST_MEMORY, data + MOST_MEMORY))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
 def main() -> None:
     """Answer on the map that the first frame names; the first answer says that it is open."""
     import signal
@@ -129,20 +119,15 @@ def main() -> None:
     os.dup2(2, 1)  # what is printed by mistake does not reach the answers
     told = json.loads(requests.read(struct.unpack("<I", requests.read(4))[0]))
     if told["last"]:
-        from ..live.priority import give_way
-
         give_way(always=True)
-    import pyarrow as pa
-
-    pa.set_cpu_count(1)
-    pa.set_io_thread_count(1)
+    one_thread()
     roads = RoadMap.open(told["map"])
     vehicle, settings = Vehicle(**told["vehicle"]), Settings(**told["settings"])
     answerer = Answerer(roads, vehicle, settings, told["most"])
     _warm(answerer, roads)
     gc.collect()
     gc.freeze()  # what stays is not looked at again
-    _limit_memory()
+    limit_memory(MOST_MEMORY)
     answers.write(framed(struct.pack("<H", 200)))
     answers.flush()
     answer_all(answerer, requests, answers)

@@ -12,12 +12,9 @@ import sys
 
 from starlette.exceptions import HTTPException
 
+from ..live.background import SURROUNDINGS
 from .answering_process import framed
 
-SURROUNDINGS = {  # one thread each; allocators reserve memory that counts as used
-    "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system",
-    "MALLOC_ARENA_MAX": "2",
-}  # fmt: skip
 _CODE = f"from {__package__}.answering_process import main; main()"
 _START_TIME = 180.0  # s, timeout of a process that opens the map
 _BUFFER = 1 << 20  # bytes of an answer that wait to be sent on

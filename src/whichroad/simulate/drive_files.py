@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import WriteError
 from ..geodesy.angles import degrees, wrap_axis, wrap_bearing
 from ..geodesy.units import KNOT, kmh_of_mps
+from ..nmea_frame import sealed
 from ..observations import Array, Fixes
 from ..settings import Vehicle
 from .simulated_drive import START, SimulatedDrive
@@ -67,8 +68,8 @@ def nmea_text(drive: SimulatedDrive) -> str:
     bursts = dict(zip(fixes.time.tolist(), _bursts(fixes), strict=True))
     for time in (START + drive.fix_truth.time[~drive.seen_fix]).tolist():
         bursts[time] = _empty_burst(time)
-    lines = (_checked(body) for time in sorted(bursts) for body in bursts[time])
-    return "".join(lines)
+    sentences = (sealed(body) for time in sorted(bursts) for body in bursts[time])
+    return b"".join(sentences).decode()
 
 
 def _bursts(fixes: Fixes) -> list[list[str]]:
@@ -140,14 +141,6 @@ def _minutes(angle: float, digits: int) -> str:
     """Degrees as `ddmm.mmmmmm`, without a sign."""
     micro = round(abs(angle) * 60e6)
     return f"{micro // 60_000_000:0{digits}d}{micro % 60_000_000 / 1e6:09.6f}"
-
-
-def _checked(body: str) -> str:
-    """A sentence with frame and checksum."""
-    check = 0
-    for byte in body.encode("ascii"):
-        check ^= byte
-    return f"${body}*{check:02X}\r\n"
 
 
 def can_text(drive: SimulatedDrive) -> str:

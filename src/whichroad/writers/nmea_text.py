@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from ..geodesy.angles import axis_bearing_of, wrap_bearing
 from ..geodesy.units import KNOT
+from ..nmea_frame import sealed
 from ..sensors.gnss import ellipse
 from .positions import Positions, positions
 
@@ -25,18 +26,6 @@ def write(table: pa.Table, path: Path) -> None:
         for drive in positions(table, path):
             for row in range(len(drive.time)):
                 sink.writelines(map(sealed, _bodies(drive, row)))
-
-
-def sealed(body: str) -> bytes:
-    """A sentence with its frame and checksum.
-
-    Args:
-        body: What stands between the $ and the *.
-    """
-    total = 0
-    for letter in body.encode():
-        total ^= letter
-    return f"${body}*{total:02X}\r\n".encode()
 
 
 def _bodies(p: Positions, k: int) -> list[str]:
