@@ -124,8 +124,9 @@ def replayed(roads: RoadMap, length_m: float = 12_000.0) -> Iterator[str]:
     """A simulated drive with places about it, replayed on a free port."""
     import uvicorn
 
+    from whichroad.live.web_server import listen
     from whichroad.replay.open_replay import Remaking, play_drive
-    from whichroad.replay.replay_server import listen, replay_app
+    from whichroad.replay.replay_server import replay_app
 
     drive = simulate_drive(roads, seed=3, length_m=length_m, scenario="outage").drive
     door = listen("127.0.0.1", 0)

@@ -24,12 +24,12 @@ from .roadmap import RoadMap
 from .sensors.odometry import motion_of
 from .settings import Vehicle
 from .simulate import demo_scenes, write_demo
-from .tables.schema import times
+from .tables.schema import seconds_of, times
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from .observations import Array, Drive
+    from .observations import Drive
 
 Progress = Callable[[str, int, int], None]
 
@@ -140,14 +140,9 @@ def _read(path: Path) -> "pa.Table":
     return pq.read_table(path)
 
 
-def _seconds(table: "pa.Table") -> "Array":
-    seconds: Array = table["time"].cast("int64").to_numpy() * 1e-6
-    return seconds
-
-
 def _outages(truth: "pa.Table") -> list[tuple[float, float]]:
     """Stretches without GNSS, s from the start."""
-    since = _seconds(truth) - _seconds(truth)[0]
+    since = seconds_of(truth["time"]) - seconds_of(truth["time"])[0]
     dark = np.concatenate([[False], truth["outage"].to_numpy(zero_copy_only=False), [False]])
     changes = np.flatnonzero(dark[1:] != dark[:-1])
     return [
@@ -159,7 +154,7 @@ def _outages(truth: "pa.Table") -> list[tuple[float, float]]:
 def _windows(truth: "pa.Table", roads: RoadMap) -> list[Window]:
     """The stretches of the paper's Figures 10 and 11."""
     scenes = demo_scenes(roads)
-    since = _seconds(truth) - _seconds(truth)[0]
+    since = seconds_of(truth["time"]) - seconds_of(truth["time"])[0]
     fork = scenes.junction[0] + 60.0
     places = np.interp([scenes.parallel[0], fork], truth["travelled_m"].to_numpy(), since)
     beside, split = places.tolist()
@@ -197,7 +192,7 @@ def _stretches(truth: "pa.Table", roads: RoadMap) -> list[Window]:
     scenes = demo_scenes(roads)
     fork = scenes.junction[0] + 60.0
     ends = [scenes.parallel[0] + 110, scenes.parallel[0] + 210, fork - 10, fork + 110]
-    since = _seconds(truth) - _seconds(truth)[0]
+    since = seconds_of(truth["time"]) - seconds_of(truth["time"])[0]
     a, b, c, d = np.interp(ends, truth["travelled_m"].to_numpy(), since).tolist()
     return [Window("Parallel roads, fixes between them", a, b), Window("A fork without GPS", c, d)]
 
@@ -213,8 +208,8 @@ def _wheels_alone(
     begin, end = masked[0]
     motion = motion_of(drive.odometry, car)
     assert motion.turn is not None
-    start = _seconds(truth)[0]
-    row = int(np.searchsorted(_seconds(truth), start + begin))
+    start = seconds_of(truth["time"])[0]
+    row = int(np.searchsorted(seconds_of(truth["time"]), start + begin))
     lat, lon, bearing = (truth[name][row].as_py() for name in ("lat", "lon", "bearing_deg"))
     x, y = roads.plane.from_geodetic(lat, lon)
     inside = (motion.time >= start + begin) & (motion.time <= start + end)
@@ -264,7 +259,7 @@ def _headlines(truth: "pa.Table", figures: dict[str, Any], drift: float) -> dict
 
 def _drift(alone: "pa.Table", truth: "pa.Table", roads: RoadMap) -> float:
     """How far wheels alone are from the truth where they end, m."""
-    row = int(np.searchsorted(_seconds(truth), _seconds(alone)[-1]))
+    row = int(np.searchsorted(seconds_of(truth["time"]), seconds_of(alone["time"])[-1]))
     ends = ((alone, -1), (truth, row))
     lat, lon = (
         np.array([table[name][at].as_py() for table, at in ends]) for name in ("lat", "lon")

@@ -47,6 +47,11 @@ class SettingError(WhichroadError, ValueError):
     """A setting is out of bounds or contradicts another."""
 
 
+def first_line(error: Exception) -> str:
+    """What another library's error says, in one line; its kind where it says nothing."""
+    return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
 @contextmanager
 def comes_with(extra: str, what: str) -> Iterator[None]:
     """What is imported within comes with an extra of the package.

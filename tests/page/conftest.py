@@ -11,10 +11,9 @@ from starlette.applications import Starlette
 
 from whichroad import Places, read_drive, read_vehicle
 from whichroad.evidence.sensed import columns_of
-from whichroad.live.web_server import web_server
+from whichroad.live.web_server import listen, web_server
 from whichroad.replay.open_replay import Remaking
 from whichroad.replay.recorded_messages import RecordedMessages
-from whichroad.replay.replay_server import listen
 from whichroad.roadmap import RoadMap
 from whichroad.sensors import Compass, Height, Sky
 from whichroad.simulate import write_demo

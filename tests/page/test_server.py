@@ -9,12 +9,13 @@ import pytest
 from websockets.sync.client import connect
 
 from whichroad.errors import SettingError
+from whichroad.live.web_server import listen
 from whichroad.page import static_files
 from whichroad.page.http_routes import page_routes
 from whichroad.page.static_files import STATIC, maplibre_folder
 from whichroad.replay.player import Player
 from whichroad.replay.recorded_messages import RecordedMessages
-from whichroad.replay.replay_server import listen, replay_app
+from whichroad.replay.replay_server import replay_app
 from whichroad.roadmap import RoadMap
 
 from .conftest import served

@@ -23,7 +23,7 @@ from ..filter.state import CLOCK, new_epochs
 from ..lookback.smoothing import Lag
 from ..lookback.traversals import traversals
 from ..matching import are_near, timeline_of
-from ..places import Places, places_on
+from ..places import AHEAD_M, NEARBY_M, Places, places_on
 from ..readers import drive_from_table
 from ..readers.dates import Writing
 from ..readers.many_trips import APART, TripBatch
@@ -42,7 +42,6 @@ from ..wording import counted
 from .filtering import Batch, filter_batch, one_batch
 
 ALL = frozenset(("points", "path", "drives", "ahead", "nearby"))
-AHEAD_M, NEARBY_M = 500.0, 50.0  # within which places are given
 _AGAIN = (
     f"a trip before has the same name: {APART:,} rows of others or more lie between them; all rows "
     "of a trip were expected together; sort the rows by trip and time"

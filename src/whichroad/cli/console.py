@@ -33,6 +33,11 @@ def progress_line() -> Iterator[Callable[[str, int, int], None]]:
         yield report
 
 
+def url_of(host: str, port: int) -> str:
+    """The address of a web server as a browser takes it."""
+    return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+
+
 def print_table(
     title: str, rows: Iterable[tuple[str, Any]], meanings: Mapping[str, str] | None = None
 ) -> None:

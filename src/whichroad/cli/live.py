@@ -19,7 +19,7 @@ from .arguments import (
     read_sensors,
     read_start,
 )
-from .console import progress_line
+from .console import progress_line, url_of
 from .live_vehicles import Fittings, named, own_file
 
 if TYPE_CHECKING:
@@ -337,8 +337,7 @@ def _pages(roads: "RoadMap", tiles: str | None, tiles_by: str | None) -> Any:
 
 
 def _print_addresses(host: str, port: int, vehicles: "list[Fitted]") -> None:
-    address_text = f"[{host}]" if ":" in host else host
-    typer.echo(f"http://{address_text}:{port}/")
+    typer.echo(url_of(host, port))
     typer.echo("Ctrl-C stops the service", err=True)
     for output in [output for one in vehicles for output in one.nmea_outputs]:
         typer.echo(f"NMEA: {output.scheme}://{output.host}:{output.port}")

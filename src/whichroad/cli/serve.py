@@ -7,7 +7,7 @@ import typer
 
 from ..errors import comes_with
 from .arguments import MapOption, Token, VehicleOption, check_token
-from .console import progress_line
+from .console import progress_line, url_of
 
 
 def serve(
@@ -42,6 +42,5 @@ def serve(
         network = open_map(roads, check=True)
     compiled: Path | None = roads if is_compiled(roads) else None
     plan = Plan(network, compiled, car, Settings(**car.noise), workers, points, host, port, token)
-    address = f"[{host}]" if ":" in host else host
-    plan.ready = lambda bound: typer.echo(f"http://{address}:{bound}/")
+    plan.ready = lambda bound: typer.echo(url_of(host, bound))
     run(plan)

@@ -25,7 +25,7 @@ from .arguments import (
     read_start,
     read_window,
 )
-from .console import progress_line
+from .console import progress_line, url_of
 
 if TYPE_CHECKING:
     from ..replay.player import Player
@@ -101,7 +101,8 @@ def replay(
         import uvicorn  # noqa: F401  # now, not when the drive has been answered
         import websockets  # noqa: F401  # uvicorn would do without, and the page would be mute
 
-        from ..replay.replay_server import listen, replay_app, serve
+        from ..live.web_server import listen
+        from ..replay.replay_server import replay_app, serve
 
     with progress_line() as progress:
         progress("reading the map", 0, 0)
@@ -139,8 +140,7 @@ def replay(
             opener=DroppedFile(network, car, dbc, about, more),
         )  # fmt: skip
         listener = listen(host, port)
-    name = f"[{host}]" if ":" in host else host
-    url = f"http://{name}:{listener.getsockname()[1]}/"
+    url = url_of(host, listener.getsockname()[1])
     typer.echo(f"{url} shows the drive; Ctrl-C stops the server")
     page = url if token is None else f"{url}?token={quote(token)}"
     serve(app, listener, page if browser else None)

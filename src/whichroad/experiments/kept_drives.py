@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import WriteError
-from ..observations import Array, Fixes, OdometryLog, WheelCounts
+from ..observations import Fixes, OdometryLog, WheelCounts
 from ..simulate import SimulatedDrive, truth_table, vehicle_text
+from ..tables.schema import times
 from .scenes import Scene
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def _fixes(fixes: Fixes) -> "pa.Table":
     course = np.isfinite(fixes.sigma_bearing_deg)
     return pa.table(
         {
-            "time": _stamps(fixes.time),
+            "time": times(fixes.time),
             "lat": fixes.lat_deg,
             "lon": fixes.lon_deg,
             "cov_ee_m2": fixes.cov_ee,
@@ -90,12 +91,5 @@ def _wheels(log: OdometryLog) -> "pa.Table":
 
     assert isinstance(log, WheelCounts)
     return pa.table(
-        {"time": _stamps(log.time), "wheel_rl_ticks": log.left, "wheel_rr_ticks": log.right}
+        {"time": times(log.time), "wheel_rl_ticks": log.left, "wheel_rr_ticks": log.right}
     )
-
-
-def _stamps(time: Array) -> "pa.Array":
-    import pyarrow as pa
-
-    micros = np.round(time * 1e6).astype(np.int64)
-    return pa.array(micros).cast(pa.timestamp("us", tz="UTC"))

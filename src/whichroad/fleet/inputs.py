@@ -15,7 +15,6 @@ _KINDS = {
     ".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
     ".feather": "ipc", ".ipc": "ipc", ".csv": "csv", ".csv.gz": "csv", ".tsv": "csv",
 }  # fmt: skip
-_NONE: Mapping[str, str | int] = {}
 _QUERY = ("select ", "from ", "with ")
 
 
@@ -103,7 +102,7 @@ class Used(NamedTuple):
 
 
 def used_columns(
-    names: Iterable[str], trip_id: str, where: str, own: Mapping[str, str | int] = _NONE
+    names: Iterable[str], trip_id: str, where: str, own: Mapping[str, str | int]
 ) -> Used:
     """Which columns of a table are read; `own`: own names, and columns that sensors read.
 

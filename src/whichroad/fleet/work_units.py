@@ -15,7 +15,6 @@ from .inputs import used_columns
 
 UNIT_ROWS = 1 << 17  # rows of a unit, at most, but for a last trip
 _BATCH = 1 << 15  # rows read at once
-_NONE: Mapping[str, str | int] = {}
 
 
 class Piece(NamedTuple):
@@ -35,9 +34,8 @@ class Unit(NamedTuple):
 
 
 def plan(
-    files: Sequence[Path], trip_id: str, unit_rows: int = UNIT_ROWS,
-    own: Mapping[str, str | int] = _NONE,
-) -> list[Unit]:  # fmt: skip
+    files: Sequence[Path], trip_id: str, unit_rows: int, own: Mapping[str, str | int]
+) -> list[Unit]:
     """Cut files, in which the rows of a trip lie together, into one or an even number of units.
 
     They are about equal, so that workers end at about the same time.

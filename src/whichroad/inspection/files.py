@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from ..errors import ReadError, WhichroadError
 from ..observations import Drive
 from ..readers import read_drive, read_vehicle
+from ..readers.drives import IN_A_CRS
 from ..readers.folders import answer_in, is_recording, sorted_out
 from ..readers.formats import format_of
 from ..readers.names import Seen
@@ -35,7 +36,6 @@ _FORMATS = {
 }  # fmt: skip
 _EITHER = (".geojson", ".json", ".csv", ".csv.gz", ".tsv", ".parquet", ".geoparquet", ".gpkg",
            ".shp", ".fgb", ".gml", ".zip")  # a drive or a map  # fmt: skip
-_IN_A_CRS = frozenset(("table", "geo", "json"))
 _LINES = frozenset(("geometry", "geom", "geom_wkt", "wkt", "the_geom", "wkb"))
 _MOST = 4  # drives of a file that are described one by one
 
@@ -186,7 +186,7 @@ class _Files:
             self.planar["drive"] = path
         drives = read_drive(
             [path], vehicle=self.car, dbc=self.dbc if kind == "can" else None,
-            settings=self.settings, **(self.reading if kind in _IN_A_CRS else {}),
+            settings=self.settings, **(self.reading if kind in IN_A_CRS else {}),
         )  # fmt: skip
         title = _FORMATS.get(kind, "a recording of `whichroad live`")
         self.sections.append(Section(f"{path}: {title}", []))
@@ -194,7 +194,7 @@ class _Files:
             self.can = path
         else:
             self.drives.append(path)
-        self.tables |= kind in _IN_A_CRS
+        self.tables |= kind in IN_A_CRS
         if seen is not None:
             self.sections.append(columns_section(path.name, seen))
         self._describe(drives)

@@ -14,7 +14,7 @@ from ..geodesy.angles import axis_bearing_of, degrees
 from ..geodesy.plane import Plane
 from ..observations import Array, GeoFix, Hypothesis, Pose
 from ..online import Estimate
-from ..places import Places
+from ..places import AHEAD_M, NEARBY_M, Places
 from ..roadmap import RoadMap
 from ..roadmap.level_shares import LevelShare, LevelShares
 from .message_types import (
@@ -36,7 +36,7 @@ from .message_types import (
     RoadMessage,
     SensorMessage,
 )
-from .place_messages import AHEAD_M, LEAST_P, NEARBY_M, PlaceMessages
+from .place_messages import LEAST_P, PlaceMessages
 
 
 @dataclass(frozen=True, slots=True)

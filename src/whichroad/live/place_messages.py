@@ -5,8 +5,6 @@ from collections.abc import Iterable
 from ..places import Places, RelativePlace
 from .message_types import PlaceMessage
 
-AHEAD_M = 500.0  # that one looks ahead along the road,
-NEARBY_M = 50.0  # and about the vehicle
 MOST = 20  # places of each kind in a message, the nearest,
 LEAST_P = 0.01  # and no less probable than that
 

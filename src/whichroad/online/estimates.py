@@ -11,7 +11,7 @@ from ..filter.state import OFF_ROAD
 from ..filter.summary.estimate import LOST_UNKNOWN
 from ..geodesy.plane import Plane
 from ..observations import Array, Hypothesis, Pose
-from ..places import Places, RelativePlace
+from ..places import AHEAD_M, NEARBY_M, Places, RelativePlace
 from ..roadmap import RoadMap
 from ..roadmap.attribute_names import known_name
 from ..roadmap.attribute_shares import shares_by_value
@@ -264,7 +264,7 @@ class Estimate:
         places = ((h.edge, h.abscissa, h.p) for h in self.hypotheses if h.edge is not None)
         return shares_by_value(self._roads, column, places)
 
-    def ahead(self, within_m: float = 500.0) -> list[RelativePlace]:
+    def ahead(self, within_m: float = AHEAD_M) -> list[RelativePlace]:
         """The places that the vehicle will come past, the nearest first.
 
         P is that of driving past within the distance, if the vehicle drives on: at each junction
@@ -280,7 +280,7 @@ class Estimate:
         places, stances = self._surroundings()
         return places.ahead(stances, within_m, 1.0 - self._known_to_none)
 
-    def nearby(self, radius_m: float = 50.0) -> list[RelativePlace]:
+    def nearby(self, radius_m: float = NEARBY_M) -> list[RelativePlace]:
         """The places within a radius of the vehicle in a straight line, the nearest first.
 
         Args:

@@ -1,5 +1,5 @@
 """Point objects of the map, located relative to the vehicle: what is ahead, what is near."""
 
-from .places import Places, RelativePlace, StanceReader, places_on
+from .places import AHEAD_M, NEARBY_M, Places, RelativePlace, StanceReader, places_on
 
-__all__ = ["Places", "RelativePlace", "StanceReader", "places_on"]
+__all__ = ["AHEAD_M", "NEARBY_M", "Places", "RelativePlace", "StanceReader", "places_on"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MapError, ReadError, comes_with
+from ..errors import MapError, ReadError, comes_with, first_line
 from ..observations import Array
 from ..roadmap.lines import degrees_of
 from ..roadmap.open_table import read_csv
@@ -115,7 +115,7 @@ def _columns(table: Any, where: str) -> tuple[dict[str, NDArray[Any]], Sheet | N
             return sheet.columns, sheet
         return {str(name).lower(): np.asarray(table[name]) for name in table.columns}, None
     except (MapError, pa.ArrowException, TypeError, ValueError, AttributeError) as error:
-        first = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        first = first_line(error)
         raise ReadError(f"{where}: it cannot be read as a table ({first}); {_EXPECTED}") from None
 
 

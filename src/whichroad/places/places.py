@@ -16,6 +16,8 @@ from .place_table import read_places
 from .snapping import snap
 
 FARTHEST_M = 5000.0  # that one may look ahead
+AHEAD_M = 500.0  # that one looks ahead along the road, unless told otherwise,
+NEARBY_M = 50.0  # and about the vehicle
 _FINDING = struct.Struct("=qddd")
 assert _FINDING.size == FINDING.itemsize
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DriveError
+from ..tables.schema import seconds_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -74,7 +75,7 @@ def make_scene(
 ) -> Scene:
     """Bring everything into one frame and one clock; the origin is the answer's if not given."""
     points = result.to_arrow()
-    seconds = _seconds(points)
+    seconds = seconds_of(points["time"])
     xy = _plane(roads, points)
     origin = origin_of(result, roads) if origin is None else origin
     hypotheses = _hypotheses(result, origin)
@@ -153,14 +154,6 @@ def _column(table: "pa.Table", name: str) -> "Array":
     return values
 
 
-def _seconds(table: "pa.Table") -> "Array":
-    import pyarrow as pa
-
-    time = table["time"].cast(pa.timestamp("us", tz="UTC")).cast(pa.int64())
-    seconds: Array = time.to_numpy() * 1e-6
-    return seconds
-
-
 def _plane(roads: "RoadMap", table: "pa.Table") -> "Array":
     return _to_plane(roads, _column(table, "lat"), _column(table, "lon"))
 
@@ -176,7 +169,7 @@ def _to_plane(roads: "RoadMap", lat: "Array", lon: "Array") -> "Array":
 
 def _truth_at(seconds: "Array", roads: "RoadMap", truth: "pa.Table") -> "Array":
     """The true position at the answer's times, straight between the truth's own."""
-    xy, when = _plane(roads, truth), _seconds(truth)
+    xy, when = _plane(roads, truth), seconds_of(truth["time"])
     there = np.column_stack([np.interp(seconds, when, xy[:, axis]) for axis in (0, 1)])
     there[(seconds < when[0]) | (seconds > when[-1])] = np.nan
     return there

@@ -67,9 +67,9 @@ def combined(parts: Sequence[Part], vehicle: Vehicle) -> list[Drive]:
     wheels: list[Drive] = []
     for part in parts:
         for drive in part.drives:
-            if part.named and (_has_fixes(drive) or drive.drive_id in groups or _many(part)):
+            if part.named and (has_fixes(drive) or drive.drive_id in groups or _many(part)):
                 groups.setdefault(drive.drive_id, []).append(drive)
-            elif _has_fixes(drive) or _is_empty(drive):
+            elif has_fixes(drive) or _is_empty(drive):
                 loose.append(drive)
             else:
                 wheels.append(drive)
@@ -88,7 +88,8 @@ def _many(part: Part) -> bool:
     return len(part.drives) > 1
 
 
-def _has_fixes(drive: Drive) -> bool:
+def has_fixes(drive: Drive) -> bool:
+    """Whether a drive has a fix."""
     return drive.fixes is not None and len(drive.fixes) > 0
 
 
@@ -140,11 +141,11 @@ def _by_place(drives: Sequence[Drive], notes: list[str]) -> list[list[Drive]]:
 
 
 def _begin(drive: Drive) -> float:
-    return float(drive.fixes.time[0]) if drive.fixes is not None and _has_fixes(drive) else np.inf
+    return float(drive.fixes.time[0]) if drive.fixes is not None and has_fixes(drive) else np.inf
 
 
 def _end(drive: Drive) -> float:
-    return float(drive.fixes.time[-1]) if drive.fixes is not None and _has_fixes(drive) else np.inf
+    return float(drive.fixes.time[-1]) if drive.fixes is not None and has_fixes(drive) else np.inf
 
 
 def _belong(first: Drive, second: Drive) -> bool:
@@ -205,7 +206,7 @@ def _add_odometry(
     """Give odometry, and what further sensors say, without an id to the drive of its time."""
     if not wheels:
         return
-    with_fixes = [name for name, group in groups.items() if any(map(_has_fixes, group))]
+    with_fixes = [name for name, group in groups.items() if any(map(has_fixes, group))]
     if not groups:
         groups[wheels[0].drive_id] = wheels
     elif len(with_fixes) == 1:
@@ -238,9 +239,9 @@ def _share_time(group: Sequence[Drive], wheels: Drive) -> bool:
 
 def _check_pairs(groups: dict[str, list[Drive]], parts: Sequence[Part]) -> None:
     """Refuse files of fixes and of odometry of which no two drives have an id in common."""
-    if all(any(map(_has_fixes, part.drives)) for part in parts):  # odometry has its fixes beside it
+    if all(any(map(has_fixes, part.drives)) for part in parts):  # odometry has its fixes beside it
         return
-    fixes = {n for n, group in groups.items() if any(map(_has_fixes, group))}
+    fixes = {n for n, group in groups.items() if any(map(has_fixes, group))}
     wheels = {n for n, group in groups.items() if any(d.odometry is not None for d in group)}
     if fixes - wheels and wheels - fixes and not fixes & wheels:
         raise ReadError(_no_pairs(parts))

@@ -9,7 +9,7 @@ import io
 import re
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..errors import ReadError
+from ..errors import ReadError, first_line
 from .checks import Skipped, listed
 from .dates import UNSAID, is_clock, of_texts
 from .likely_names import as_option, likely_columns
@@ -239,7 +239,7 @@ def _rows(
         except pa.ArrowInvalid:  # a cell unlike those before it: take them one by one
             table = read(dict.fromkeys(wanted, pa.string()))
     except (pa.ArrowException, KeyError, ValueError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        reason = first_line(error)
         raise ReadError(
             f"{where}: no readable table ({reason}); comma-separated columns under one line of "
             "names were expected"

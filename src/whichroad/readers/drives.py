@@ -41,7 +41,7 @@ from .unread import Unread, check_apart
 
 AnyPath = str | PathLike[str]
 
-_IN_A_CRS = frozenset(("table", "geo", "json"))  # formats whose places may be in any system
+IN_A_CRS = frozenset(("table", "geo", "json"))  # formats whose places may be in any system
 _READERS: dict[str, Callable[[Source, Reading], list[Drive]]] = {
     "nmea": lambda source, reading: [read_nmea(source, reading.settings, reading.columns)],
     "gpx": lambda source, reading: read_gpx(source, reading.settings),
@@ -158,7 +158,7 @@ def _check_used(parts: Sequence[Part], dbc: AnyPath | None, crs: Any) -> None:
             f"dbc (--dbc) is {Path(dbc).name}, and {names} holds no CAN frames; a CAN log was "
             "expected with it; give it by can= (--can)"
         )
-    if crs is not None and not kinds & _IN_A_CRS:
+    if crs is not None and not kinds & IN_A_CRS:
         raise SettingError(
             f"crs (--crs) is {crs}, and {names} is not a table; a table with columns x, y was "
             "expected with it; leave it out"

@@ -11,7 +11,7 @@ from ..errors import ReadError
 from ..observations import Drive
 from ..settings import Vehicle
 from .checks import listed
-from .combining import Part
+from .combining import Part, has_fixes
 from .formats import format_of
 from .source import STDIN, is_file, is_file_object
 from .vehicle import read_vehicle
@@ -207,15 +207,11 @@ def by_folder(parts: Sequence[Part]) -> list[tuple[str, list[Part]]]:
 def _span(parts: Sequence[Part]) -> tuple[float, float] | None:
     """The time of odometry that has no fixes in its own file; None: no such, or no fixes."""
     drives = [drive for part in parts for drive in part.drives]
-    logs = [d.odometry for d in drives if d.odometry is not None and not _has_fixes(d)]
+    logs = [d.odometry for d in drives if d.odometry is not None and not has_fixes(d)]
     logs = [log for log in logs if len(log.time)]
-    if not logs or not any(map(_has_fixes, drives)):
+    if not logs or not any(map(has_fixes, drives)):
         return None
     return min(float(log.time[0]) for log in logs), max(float(log.time[-1]) for log in logs)
-
-
-def _has_fixes(drive: Drive) -> bool:
-    return drive.fixes is not None and len(drive.fixes) > 0
 
 
 def named_by(folder: str, drives: Sequence[Drive], taken: set[str]) -> list[Drive]:

@@ -5,7 +5,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ..errors import ReadError, comes_with
+from ..errors import ReadError, comes_with, first_line
 from ..observations import Drive
 from .checks import listed
 from .reading import Reading
@@ -74,7 +74,7 @@ def _frame(source: Source) -> Any:
                 )
             frame = gpd.read_file(place or io.BytesIO(source.data), layer=names[0])
     except (RuntimeError, ValueError, OSError, KeyError, TypeError) as error:
-        first = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        first = first_line(error)
         raise ReadError(
             f"{source.name}: cannot be read by GDAL ({first}); a GeoPackage, Shapefile or "
             "FlatGeobuf was expected; was the file cut short?"

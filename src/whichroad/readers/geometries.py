@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import ReadError
+from ..errors import ReadError, first_line
 from ..observations import Array
 from .names import Column
 
@@ -81,7 +81,7 @@ def _points(column: "pa.ChunkedArray", where: str) -> tuple[Array, Array]:
         return shapely.get_x(points), shapely.get_y(points)
     except (shapely.errors.ShapelyError, pa.ArrowException, TypeError, ValueError) as error:
         raise ReadError(
-            f"{where}: the geometry cannot be read ({_first_line(error)}); points as WKB or WKT "
+            f"{where}: the geometry cannot be read ({first_line(error)}); points as WKB or WKT "
             "were expected"
         ) from None
 
@@ -106,7 +106,3 @@ def unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
     known = np.isfinite(x) & np.isfinite(y)
     # pyproj returns infinity for what lies outside its grid, and for NaN
     return np.where(known, lon, np.nan), np.where(known, lat, np.nan)
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]

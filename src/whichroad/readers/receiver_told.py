@@ -13,6 +13,7 @@ them until the next time are passed over.
 import math
 from collections.abc import Iterable
 
+from ..nmea_frame import checksum
 from ..observations import SensorReading
 from .names import SENSED
 
@@ -57,7 +58,7 @@ class ReceiverTold:
         if begin < 0 or kind not in _KINDS:
             return []
         body, star, sum_ = line[begin + 1 :].strip().partition(b"*")
-        if star and sum_[:2].upper() != b"%02X" % _sum(body):
+        if star and sum_[:2].upper() != b"%02X" % checksum(body):
             return []
         fields = body.decode("ascii", "replace").split(",")
         if kind == b"GSV":
@@ -110,13 +111,6 @@ class ReceiverTold:
 def wanted(columns: Iterable[str]) -> frozenset[str]:
     """Which of `NAMES` are among the columns that a caller gave readers to keep."""
     return frozenset(name.removeprefix(SENSED) for name in columns) & frozenset(NAMES)
-
-
-def _sum(body: bytes) -> int:
-    total = 0
-    for letter in body:
-        total ^= letter
-    return total
 
 
 def _number(text: str) -> float | None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import ReadError
+from ..errors import ReadError, first_line
 from .checks import Skipped, keep
 from .csv_text import read_csv
 from .names import Seen, find
@@ -62,5 +62,5 @@ def _arrow(source: Source, skipped: Skipped, reading: Reading) -> Seen:
 
 
 def _unreadable(source: Source, kind: str, error: Exception) -> ReadError:
-    first = (str(error).splitlines() or [type(error).__name__])[0][:200]
+    first = first_line(error)
     return ReadError(f"{source.name}: no readable {kind} ({first}); was the file cut short?")

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ReadError
+from ..errors import ReadError, first_line
 from .names import Seen, find
 from .reading import Reading
 
@@ -46,7 +46,7 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
         pa.ArrowException, TypeError, ValueError, KeyError, AttributeError, OverflowError
     ) as error:  # fmt: skip
         raise ReadError(
-            f"table: {type(given).__name__} cannot be read as a table ({_first_line(error)}); "
+            f"table: {type(given).__name__} cannot be read as a table ({first_line(error)}); "
             f"{_NO_TABLE}"
         ) from None
 
@@ -137,7 +137,3 @@ def _points(frame: Any) -> Any:
     if not {"lat", "lon"} & find([str(c) for c in plain.columns]).keys():
         plain = plain.assign(lon=points.x.to_numpy(), lat=points.y.to_numpy())
     return plain
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:200]

@@ -9,6 +9,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ..observations import Array
+from ..tables.schema import seconds_of
 
 if TYPE_CHECKING:
     from ..roadmap import RoadMap
@@ -45,7 +46,7 @@ class Route:
         path = path.filter(pc.equal(path["drive_id"].cast(pa.string()), drive_id))
         if not path.num_rows:
             return None
-        enter, leave = (path[name].cast("int64").to_numpy() * 1e-6 for name in COLUMNS[2:4])
+        enter, leave = (seconds_of(path[name]) for name in COLUMNS[2:4])
         enter_m, exit_m = (path[name].to_numpy().astype(np.float64) for name in COLUMNS[4:6])
         edge = path["edge_id"].to_numpy().astype(np.int64)
         return cls(edge, enter, leave, enter_m, exit_m, path["broken_rule"].to_pylist())

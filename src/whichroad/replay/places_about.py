@@ -10,9 +10,9 @@ from ..filter.places.point_objects import STANCE
 from ..filter.state import OFF_ROAD
 from ..geodesy.angles import radians
 from ..graph.network import records
-from ..live.place_messages import AHEAD_M, NEARBY_M, PlaceMessages
+from ..live.place_messages import PlaceMessages
 from ..observations import Array
-from ..places import Places
+from ..places import AHEAD_M, NEARBY_M, Places
 from ..tables.relative_places import Surroundings, stances_of
 
 if TYPE_CHECKING:

@@ -1,6 +1,7 @@
 """Points that were written to a file, as an answer again."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,20 +38,7 @@ def read_points(
     Raises:
         ReadError: It is no table of points, or holds several drives and none was named.
     """
-    path = Path(path)
-    table = _arrow(read_table(path))
-    missing = [name for name in _NEEDED if name not in table.column_names]
-    if missing:
-        raise ReadError(
-            f"{path}: no column {missing[0]!r} among {', '.join(table.column_names[:30])}; points "
-            "that `whichroad match -o` wrote were expected"
-        )
-    try:
-        points = pa.table({f.name: _column(table, f) for f in POINTS}, schema=POINTS)
-    except (pa.ArrowException, ValueError, KeyError, TypeError) as error:
-        raise ReadError(
-            f"{path}: {str(error)[:200]}; points that `whichroad match -o` wrote were expected"
-        ) from error
+    points = _written(path, POINTS, _NEEDED, "points that `whichroad match -o` wrote were expected")
     drives = points["drive_id"].unique().to_pylist()
     if drive_id is not None or len(drives) == 1:
         wanted = drive_id if drive_id is not None else drives[0]
@@ -114,22 +102,31 @@ def read_path(path: str | Path) -> pa.Table:
     Raises:
         ReadError: It is no table of a path.
     """
-    path = Path(path)
-    table = _arrow(read_table(path))
-    missing = [name for name in COLUMNS[1:-1] if name not in table.column_names]
+    expected = "a path that `whichroad match --path-out` wrote was expected"
+    return _written(path, pa.schema([PATH.field(n) for n in COLUMNS]), COLUMNS[1:-1], expected)
+
+
+def _written(path: str | Path, schema: pa.Schema, needed: Sequence[str], expected: str) -> pa.Table:
+    """A table that was written to a file, with the columns of its schema.
+
+    Args:
+        path: The file.
+        schema: Its columns; those that the file does not have are null.
+        needed: Names of those that it must have.
+        expected: What to say where it is no such table.
+
+    Raises:
+        ReadError: It is none.
+    """
+    table = _arrow(read_table(Path(path)))
+    missing = [name for name in needed if name not in table.column_names]
     if missing:
-        raise ReadError(
-            f"{path}: no column {missing[0]!r} among {', '.join(table.column_names[:30])}; a path "
-            "that `whichroad match --path-out` wrote was expected"
-        )
+        seen = ", ".join(table.column_names[:30])
+        raise ReadError(f"{path}: no column {missing[0]!r} among {seen}; {expected}")
     try:
-        columns = {f.name: _column(table, f) for f in PATH if f.name in COLUMNS}
+        return pa.table({f.name: _column(table, f) for f in schema}, schema=schema)
     except (pa.ArrowException, ValueError, KeyError, TypeError) as error:
-        raise ReadError(
-            f"{path}: {str(error)[:200]}; a path that `whichroad match --path-out` wrote was "
-            "expected"
-        ) from error
-    return pa.table(columns)
+        raise ReadError(f"{path}: {str(error)[:200]}; {expected}") from error
 
 
 def _arrow(table: Any) -> pa.Table:

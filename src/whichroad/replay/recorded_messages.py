@@ -19,6 +19,7 @@ from ..live.messages import iso, level_messages
 from ..observations import Array
 from ..roadmap.level_shares import LevelShare, LevelShares
 from ..sensors.gnss import ellipse
+from ..tables.schema import seconds_of
 from ..tables.status import STATUS, far_off
 from .driven_path import Route
 from .places_about import PlacesAbout
@@ -74,8 +75,7 @@ class RecordedMessages:
     ) -> None:  # fmt: skip
         points = result.to_arrow()
         self.drive_id = str(points["drive_id"][0].as_py()) if points.num_rows else ""
-        micros = points["time"].cast("int64").to_numpy()
-        self.time: Array = micros * 1e-6
+        self.time: Array = seconds_of(points["time"])
         self.columns = {
             name: points[name].to_numpy().astype(np.float64)
             for name in _NUMBERS

@@ -21,7 +21,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from ..errors import WhichroadError
 from ..live.access import AccessControl, is_local
 from ..live.refusals import HANDLERS, asked_of, body_of
-from ..live.web_server import listen, web_server
+from ..live.web_server import web_server
 from ..page import page_routes
 from ..page.compressed import compressed
 from .drive_report import report_text
@@ -164,6 +164,3 @@ async def _control(request: Request, player: Player) -> JSONResponse:
     except Refused as refused:
         raise HTTPException(409, str(refused)) from None
     return JSONResponse({"play": player.message["play"]})
-
-
-__all__ = ["listen", "replay_app", "serve"]

@@ -52,11 +52,11 @@ def timeline(
     edge, p = recorded.choices.edge[at], recorded.choices.p[at]
     return {
         "begin": round(float(recorded.time[0]), 6),
-        "t": _rounded(recorded.time[at] - recorded.time[0], 3),
-        "lat": _rounded(c["lat"][at], 7),
-        "lon": _rounded(c["lon"][at], 7),
-        "p": _rounded(np.nan_to_num(c["p_way"][at]), 4),
-        "off": _rounded(np.nan_to_num(c["p_off_road"][at]), 4),
+        "t": rounded(recorded.time[at] - recorded.time[0], 3),
+        "lat": rounded(c["lat"][at], 7),
+        "lon": rounded(c["lon"][at], 7),
+        "p": rounded(np.nan_to_num(c["p_way"][at]), 4),
+        "off": rounded(np.nan_to_num(c["p_off_road"][at]), 4),
         "status": np.where(np.isfinite(c["lat"][at]), recorded.status[at], -1).tolist(),
         "masked": recorded.is_masked(recorded.time[at]).astype(int).tolist(),
         "roads": [
@@ -106,5 +106,6 @@ def _reckoning(recorded: "RecordedMessages", at: NDArray[Any]) -> list[list[floa
     return rows
 
 
-def _rounded(values: Array, digits: int) -> list[float | None]:
+def rounded(values: Array, digits: int) -> list[float | None]:
+    """Numbers for JSON, None where one is not known."""
     return [None if v != v else v for v in np.round(values, digits).tolist()]

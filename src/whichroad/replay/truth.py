@@ -12,6 +12,7 @@ from ..evaluate.input_tables import Table, read_table
 from ..geodesy.angles import radians
 from ..geodesy.units import METRES_PER_DEGREE
 from ..observations import Array
+from .timeline import rounded
 
 if TYPE_CHECKING:
     from .recorded_messages import RecordedMessages
@@ -65,8 +66,8 @@ class Truth:
                 "truth: no time of it is one of the drive's; the truth of this drive was expected"
             )
         return {
-            "lat": _rounded(lat[at], 7), "lon": _rounded(lon[at], 7),
-            "error": _rounded(error[at], 2), "bound": _rounded(bound[at], 2),
+            "lat": rounded(lat[at], 7), "lon": rounded(lon[at], 7),
+            "error": rounded(error[at], 2), "bound": rounded(bound[at], 2),
             "inside": round(float(np.mean(error[known] <= bound[known])), 4),
             "rms": round(float(np.sqrt(np.mean(error[known] ** 2))), 2),
         }  # fmt: skip
@@ -86,7 +87,3 @@ def read_truth(path: Path) -> Truth:
     if len(order) < 2:
         raise DriveError(f"{path}: {len(order)} places; two at least were expected")
     return Truth(*(values[known][order] for values in (time, lat, lon)))
-
-
-def _rounded(values: Array, digits: int) -> list[float | None]:
-    return [None if v != v else v for v in np.round(values, digits).tolist()]

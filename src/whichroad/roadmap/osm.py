@@ -15,7 +15,7 @@ from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from . import tags as meaning
 from .link import middle_plane
 from .shelf import laid
-from .streets import Column, Restriction, Streets, Texts
+from .streets import Column, Restriction, Streets, Texts, attributes
 
 SUFFIXES = (".osm.pbf", ".pbf", ".osm", ".osm.gz", ".osm.bz2", ".osm.xml", ".xml")
 _Node = tuple[int, int, int]  # id, longitude and latitude in osmium's units of 1e-7 degrees
@@ -350,15 +350,10 @@ class _Kind:
 
 
 def _columns(rows: list[_Kind]) -> dict[str, Column]:
-    """The attributes that tables of edges show."""
-    return {
-        "speed_limit_kmh": np.array([r.limit for r in rows], dtype=np.float32),
-        "lanes": np.array([min(r.lanes, 255.0) for r in rows], dtype=np.uint8),
-        "width": np.array([r.width for r in rows], dtype=np.float32),
-        "layer": np.array([r.layer for r in rows], dtype=np.int8),
-        "bridge": np.array([r.bridge for r in rows], dtype=np.uint8),
-        "tunnel": np.array([r.tunnel for r in rows], dtype=np.uint8),
-        "oneway": np.array([r.oneway for r in rows], dtype=np.int8),
-        "roundabout": np.array([r.ring for r in rows], dtype=np.uint8),
-        "access": np.array([r.access for r in rows], dtype=np.uint8),
-    }
+    return attributes(
+        limit=[r.limit for r in rows], lanes=[r.lanes for r in rows],
+        width=[r.width for r in rows], layer=[r.layer for r in rows],
+        bridge=[r.bridge for r in rows], tunnel=[r.tunnel for r in rows],
+        oneway=[r.oneway for r in rows], roundabout=[r.ring for r in rows],
+        access=[r.access for r in rows],
+    )  # fmt: skip

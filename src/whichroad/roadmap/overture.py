@@ -18,7 +18,7 @@ from ..observations import Array
 from ..wording import by_reason
 from . import tags as meaning
 from .overture_rules import Rules, items, parts_between
-from .streets import Column, Restriction, Streets, Texts
+from .streets import Column, Restriction, Streets, Texts, attributes
 
 NEEDED = frozenset(("id", "geometry", "connectors"))
 _COLUMNS = (
@@ -258,17 +258,13 @@ class _Segments:
             bool(k.rule_backward & AGAINST_ONE_WAY) - bool(k.rule_forward & AGAINST_ONE_WAY)
             for k in kinds
         ]  # fmt: skip
-        return {
-            "speed_limit_kmh": np.array([k.limit for k in kinds], dtype=np.float32),
-            "lanes": np.zeros(len(kinds), dtype=np.uint8),
-            "width": np.array([k.width for k in kinds], dtype=np.float32),
-            "layer": np.array([k.layer for k in kinds], dtype=np.int8),
-            "bridge": np.array([k.bridge for k in kinds], dtype=np.uint8),
-            "tunnel": np.array([k.tunnel for k in kinds], dtype=np.uint8),
-            "oneway": np.array(oneway, dtype=np.int8),
-            "roundabout": np.zeros(len(kinds), dtype=np.uint8),
-            "access": np.array([k.access for k in kinds], dtype=np.uint8),
-        }
+        none = np.zeros(len(kinds), np.uint8)
+        return attributes(
+            limit=[k.limit for k in kinds], lanes=none, width=[k.width for k in kinds],
+            layer=[k.layer for k in kinds], bridge=[k.bridge for k in kinds],
+            tunnel=[k.tunnel for k in kinds], oneway=oneway, roundabout=none,
+            access=[k.access for k in kinds],
+        )  # fmt: skip
 
     def _restrictions(self, source_id: Texts, node_id: Texts) -> Iterable[Restriction]:
         """Prohibited transitions, ids by their codes."""

@@ -16,7 +16,7 @@ from .lines import Lines, read_lines
 from .link import Links, link, middle_plane
 from .open_table import open_sheet
 from .sheet import Sheet, plain
-from .streets import Column, Streets, Texts, take
+from .streets import Column, Streets, Texts, attributes, take
 from .tag_column import NAMES as TAGS
 from .tag_column import Tags, tags_in
 from .values import T, as_number, as_word, best, each, first, parts_of
@@ -323,16 +323,11 @@ class _Tags:
 
     def columns(self, oneway: NDArray[np.int8]) -> dict[str, Column]:
         """The attributes that tables of edges show."""
-        layer = self._read("layer", first(meaning.whole, 0), 0)
-        return {
-            "name": Texts.of(self._read("name", _word, "")),
-            "speed_limit_kmh": self.limit.astype(np.float32),
-            "lanes": np.minimum(self.lanes, 255).astype(np.uint8),
-            "width": self.width.astype(np.float32),
-            "layer": np.array(layer, dtype=np.int8),
-            "bridge": np.array(self._read("bridge", _any_true, False), dtype=np.uint8),
-            "tunnel": np.array(self._read("tunnel", _any_true, False), dtype=np.uint8),
-            "oneway": oneway,
-            "roundabout": self.ring.astype(np.uint8),
-            "access": self.access,
-        }
+        name = Texts.of(self._read("name", _word, ""))
+        return {"name": name} | attributes(
+            limit=self.limit, lanes=self.lanes, width=self.width,
+            layer=self._read("layer", first(meaning.whole, 0), 0),
+            bridge=self._read("bridge", _any_true, False),
+            tunnel=self._read("tunnel", _any_true, False),
+            oneway=oneway, roundabout=self.ring, access=self.access,
+        )  # fmt: skip

@@ -70,6 +70,24 @@ def take(column: Column, rows: NDArray[Any]) -> Column:
     return chosen
 
 
+def attributes(
+    *, limit: ArrayLike, lanes: ArrayLike, width: ArrayLike, layer: ArrayLike, bridge: ArrayLike,
+    tunnel: ArrayLike, oneway: ArrayLike, roundabout: ArrayLike, access: ArrayLike,
+) -> dict[str, Column]:  # fmt: skip
+    """What tables of edges show of streets, (W,) each, as maps store it."""
+    return {
+        "speed_limit_kmh": np.asarray(limit, np.float32),
+        "lanes": np.minimum(lanes, 255).astype(np.uint8),
+        "width": np.asarray(width, np.float32),
+        "layer": np.asarray(layer, np.int8),
+        "bridge": np.asarray(bridge, np.uint8),
+        "tunnel": np.asarray(tunnel, np.uint8),
+        "oneway": np.asarray(oneway, np.int8),
+        "roundabout": np.asarray(roundabout, np.uint8),
+        "access": np.asarray(access, np.uint8),
+    }
+
+
 @dataclass(frozen=True, slots=True)
 class Restriction:
     """A turn restriction, by source ids; where ids are words, by their codes."""

@@ -13,6 +13,7 @@ from ..geodesy.units import KNOT, kmh_of_mps
 from ..nmea_frame import sealed
 from ..observations import Array, Fixes
 from ..settings import Vehicle
+from ..tables.schema import times
 from .simulated_drive import START, SimulatedDrive
 
 if TYPE_CHECKING:
@@ -227,10 +228,9 @@ def truth_table(drive: SimulatedDrive, roads: "RoadMap") -> "pa.Table":
     outage = np.zeros(len(t), dtype=bool)
     for begin, end in drive.outages:
         outage |= (t.time >= begin) & (t.time <= end)
-    micros = np.round(t.time * 1e6).astype(np.int64)
     return pa.table(
         {
-            "time": pa.array(micros).cast(pa.timestamp("us", tz="UTC")),
+            "time": times(t.time),
             "lat": lat,
             "lon": lon,
             "bearing_deg": bearing,

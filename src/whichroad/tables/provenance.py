@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..errors import ReadError
+from ..errors import ReadError, first_line
 
 MAP_KEY = b"whichroad_map"
 """Of a table's metadata: fingerprint, source and source date of its map, as JSON."""
@@ -63,7 +63,7 @@ def _metadata(path: Path) -> Mapping[bytes, bytes] | None:
                 return pa.ipc.open_file(source).schema.metadata  # type: ignore[no-any-return]
         return pq.read_schema(path).metadata  # type: ignore[no-any-return]
     except (pa.ArrowException, OSError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        reason = first_line(error)
         raise ReadError(
             f"{path}: cannot be read ({reason}); a Parquet or Arrow file of a result was expected"
         ) from None

@@ -152,6 +152,12 @@ def times(seconds: NDArray[np.float64]) -> pa.Array:
     return pa.array(np.round(seconds * 1e6).astype(np.int64)).cast(TIME)
 
 
+def seconds_of(column: pa.ChunkedArray) -> NDArray[np.float64]:
+    """The reverse: timestamps without nulls as seconds since 1970 UTC, shape (n,)."""
+    made: NDArray[np.float64] = column.cast(TIME).cast(pa.int64()).to_numpy() * 1e-6
+    return made
+
+
 def point_wkb(lon: pa.Array, lat: pa.Array) -> pa.Array:
     """Points as WKB, without a loop over rows.
 

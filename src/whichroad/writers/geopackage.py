@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from ..errors import WriteError, comes_with
+from ..errors import WriteError, comes_with, first_line
 from ..tables.schema import geometry
 from .csv import as_json
 
@@ -47,7 +47,7 @@ def write(table: pa.Table, path: Path) -> None:
             geometry_type="LineString" if lines else "Point", crs="EPSG:4326",
         )  # fmt: skip
     except (RuntimeError, ValueError) as error:
-        first = (str(error).splitlines() or [type(error).__name__])[0][:200]
+        first = first_line(error)
         raise WriteError(
             f"{path}: GDAL cannot write it ({first}); a table of points or of a path was expected; "
             "write .parquet"
