@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..geodesy.angles import radians
 from ..observations import Array
+from ..ragged import row_and_place
 
 _NEAR = 3.0  # m, largest distance between geometries of one road
 _TURN = radians(60.0)  # largest angle between directions that match
@@ -60,8 +61,8 @@ def _sample(lines: Sequence[ArrayLike]) -> Array:
         size = np.hypot(step[:, 0], step[:, 1]) if len(p) > 1 else np.zeros(0)
         k = np.flatnonzero(size > 1e-6)
         count = np.ceil(size[k] / _STEP).astype(np.int64)
-        of, many = np.repeat(k, count), np.repeat(count, count)
-        part = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        row, part = row_and_place(count)
+        of, many = k[row], count[row]
         share = (part + 0.5) / many
         direction = step[of] / size[of, None]
         place = p[of] + share[:, None] * step[of]

@@ -11,6 +11,7 @@ from ..filter.hypotheses.population import locate_all, turn_sums
 from ..geodesy.angles import heading_of, radians
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array, StartPose
+from ..ragged import row_and_place
 from ..roadmap import RoadMap
 from ..settings import Settings
 
@@ -69,8 +70,8 @@ def prior_components(roads: RoadMap, settings: Settings, start: StartPose | None
             "expected; give start=StartPose(..., sigma_m=...) (--start map:LAT,LON,METRES), or a "
             "smaller map"
         )
-    edge = np.repeat(np.arange(len(count), dtype=np.int32), count)
-    nth = np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    of, nth = row_and_place(count)
+    edge = of.astype(np.int32)
     length = (edges.length / np.maximum(count, 1))[edge]
     s, sigma, log_weight = length * (nth + 0.5), _SIGMA_RATIO * length, np.log(weight[edge])
     x, y, heading = np.zeros((3, len(edge)))

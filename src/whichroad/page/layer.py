@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..geodesy.mercator import latitude_of, longitude_of, to_square
 from ..graph.network import AGAINST_ONE_WAY
 from ..observations import Array
+from ..ragged import row_and_place
 from ..roadmap import RoadMap
 from ..roadmap.drawing import attribution, streets
 from .vectortile import EXTENT, Line, encode_layer
@@ -49,10 +50,8 @@ class RoadLayer:
         self._edge = streets(roads)
         x, y = to_square(*roads.plane.to_geodetic(vertices.x, vertices.y))
         first = edges.first_vertex[self._edge]
-        count = edges.last_vertex[self._edge] - first + 1
-        row = np.repeat(np.arange(len(count)), count)
-        place = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        vertex = np.repeat(first, count) + place
+        row, place = row_and_place(edges.last_vertex[self._edge] - first + 1)
+        vertex = first[row] + place
         self._lines = shapely.linestrings(np.column_stack([x, y])[vertex], indices=row)
         self._tree = shapely.STRtree(self._lines)
         self._rank = _ranks(roads, self._edge)

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..geodesy.angles import radians, wrap_degrees
 from ..observations import Array, Fixes, OdometryLog, WheelCounts
+from ..ragged import row_and_place
 from ..settings import Vehicle
 from .checks import Ints, Skipped, in_order
 from .drive_columns import nearby, odometer, speed_yaw_rate
@@ -58,8 +59,7 @@ def measurements(data: bytes, frames: Frames, skipped: Skipped) -> Measurements:
     start, n, calibrated = start[fits], n[fits], calibrated[fits]
     tags = np.where(calibrated == 1, start + 8 + 4 * n, start)
     tag = _words(values, tags).astype(np.float64)
-    message = np.repeat(np.arange(len(start)), n)
-    number = np.arange(len(message)) - np.repeat(np.cumsum(n) - n, n)
+    message, number = row_and_place(n)
     word = _words(values, start[message] + 8 + 4 * number)
     # clocks count milliseconds in 32 bits
     tag += WRAP * np.concatenate([[0.0], np.cumsum(np.diff(tag) < -0.5 * WRAP)])[: len(tag)]

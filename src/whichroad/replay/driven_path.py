@@ -9,6 +9,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from ..observations import Array
+from ..ragged import row_and_place
 from ..tables.schema import seconds_of
 
 if TYPE_CHECKING:
@@ -74,8 +75,8 @@ class Route:
         low = np.searchsorted(self.exit, time[after - 1], side="right")
         high = np.searchsorted(self.enter, time[after], side="left")
         count = np.maximum(high - low, 0)
-        gap = np.repeat(np.arange(len(after)), count)
-        row = np.arange(len(gap)) - np.repeat(np.cumsum(count) - count, count) + low[gap]
+        gap, place = row_and_place(count)
+        row = low[gap] + place
         begin, end = self.enter_m[row].copy(), self.exit_m[row].copy()
         for at, where, cut in (
             (after - 1, row == low[gap], begin),

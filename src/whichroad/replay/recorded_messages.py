@@ -17,6 +17,7 @@ from ..geodesy.units import METRES_PER_DEGREE
 from ..live.message_types import VERSION, EstimateMessage, PlayMessage
 from ..live.messages import iso, level_messages
 from ..observations import Array
+from ..ragged import row_and_place
 from ..roadmap.level_shares import LevelShare, LevelShares
 from ..sensors.gnss import ellipse
 from ..tables.schema import seconds_of
@@ -370,8 +371,7 @@ def _alternatives(points: Any, n: int) -> tuple[NDArray[np.int64], Array]:
     lists = points["alternatives"].combine_chunks()
     flat = lists.flatten()
     count = lists.value_lengths().fill_null(0).to_numpy()
-    row = np.repeat(np.arange(n), count)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    row, place = row_and_place(count)
     most = int(count.max(initial=0))
     edge, p = np.full((n, most), NONE, np.int64), np.zeros((n, most))
     edge[row, place] = flat.field("edge_id").to_numpy(zero_copy_only=False)

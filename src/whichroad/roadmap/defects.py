@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import MapError
-from ..observations import Array
+from .reached import reached
 from .streets import Ints
 
 if TYPE_CHECKING:
@@ -198,9 +198,10 @@ def _components(a: Ints, b: Ints, n: int) -> Ints:
 def _network(a: Ints, b: Ints, n: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Nodes that can be reached from the main network, and nodes from which it can be."""
     degree = np.bincount(np.concatenate([a, b]), minlength=n)
+    onward, backward = _links(a, b, n), _links(b, a, n)
     best: tuple[int, Any] = (-1, None)
     for seed in np.argsort(-degree, kind="stable")[:_SEEDS].tolist():
-        away, back = _reached(a, b, seed, n), _reached(b, a, seed, n)
+        away, back = reached(seed, *onward), reached(seed, *backward)
         both = int(np.count_nonzero(away & back))
         if both > best[0]:
             best = both, (away, back)
@@ -208,17 +209,7 @@ def _network(a: Ints, b: Ints, n: int) -> tuple[NDArray[np.bool_], NDArray[np.bo
     return found
 
 
-def _reached(a: Ints, b: Ints, seed: int, n: int) -> NDArray[np.bool_]:
-    """Nodes that edges from a to b reach."""
+def _links(a: Ints, b: Ints, n: int) -> tuple[Ints, Ints]:
+    """Edges from a to b by the node they leave: bounds of each node's, and where they lead."""
     order = np.argsort(a, kind="stable")
-    first, head = np.searchsorted(a[order], np.arange(n + 1)), b[order]
-    seen = np.zeros(n, bool)
-    seen[seed] = True
-    front = np.array([seed])
-    while len(front):
-        count = first[front + 1] - first[front]
-        begin = np.repeat(first[front] - (np.cumsum(count) - count), count)
-        reached: Array = np.unique(head[begin + np.arange(len(begin))])
-        front = reached[~seen[reached]]
-        seen[front] = True
-    return seen
+    return np.searchsorted(a[order], np.arange(n + 1)), b[order]

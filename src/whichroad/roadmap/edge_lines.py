@@ -4,6 +4,7 @@ import numpy as np
 
 from ..graph.network import Roads
 from ..observations import Array
+from ..ragged import row_and_place
 from .streets import Ints
 
 
@@ -12,8 +13,8 @@ def edge_lines(arrays: Roads, edge: Ints, start: Array, end: Array) -> tuple[Arr
     vertices, edges = arrays.vertices, arrays.edges
     low = edges.first_vertex[edge]
     count = edges.last_vertex[edge] - low + 1
-    line = np.repeat(np.arange(len(edge)), count)
-    vertex = np.arange(len(line)) + np.repeat(low - np.cumsum(count) + count, count)
+    line, place = row_and_place(count)
+    vertex = low[line] + place
     x, y, s = vertices.x, vertices.y, vertices.s
     length = edges.length[edge]
     start = np.clip(start, 0.0, length)

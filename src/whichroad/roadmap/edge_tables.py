@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ..errors import MapError, comes_with
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array
+from ..ragged import row_and_place
 from .shelf import release
 from .source_places import SourcePlace, on_source
 from .streets import Ints
@@ -172,8 +173,7 @@ def _parts(
     """Row of the path, and begin and end along the edge, m, of each source road's part."""
     pieces = roads.pieces
     count = (pieces.first[edge + 1] - pieces.first[edge]).astype(np.int64)
-    row = np.repeat(np.arange(len(edge)), count)
-    place = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    row, place = row_and_place(count)
     piece = pieces.first[edge][row] + place
     final = place == count[row] - 1
     after = np.minimum(piece + 1, len(pieces.start) - 1)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from .._compile import Ints32
 from ..observations import Array
+from ..ragged import row_and_place
 from .attribute_names import LEVEL
 
 if TYPE_CHECKING:
@@ -53,8 +54,7 @@ def profile(roads: "RoadMap") -> Profile:
     fine = (near[edge] < RAMP_M) | np.isin(edge, edge[level != 0.0])
     parts = np.where(fine & (level == 0.0), np.ceil((end - start) / STEP_M), 1.0)
     parts = parts.astype(np.int64).clip(1)
-    piece = np.repeat(np.arange(len(edge)), parts)
-    k = np.arange(len(piece)) - np.repeat(np.cumsum(parts) - parts, parts)
+    piece, k = row_and_place(parts)
     width = ((end - start) / parts)[piece]
     at = start[piece] + k * width
     height = LEVEL_M * level[piece]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .._compile import Records
 from ..errors import MapError
 from ..graph.network import Roads
+from ..roadmap.reached import reached
 
 Edges = NDArray[np.int64]
 
@@ -29,20 +30,6 @@ def _legal_turns(roads: Roads) -> tuple[Edges, Edges]:
     ok = (turns.rule == 0) & (edges.rule[turns.edge] == 0) & (edges.rule[origin] == 0)
     ok &= (turns.edge != edges.opposite[origin]) & (np.abs(turns.angle) < _SHARPEST)
     return origin[ok], turns.edge[ok].astype(np.int64)
-
-
-def _reached(start: int, first: Edges, successors: Edges, count: int) -> NDArray[np.bool_]:
-    """Edges that can be reached from `start`, breadth first."""
-    seen = np.zeros(count, dtype=bool)
-    seen[start] = True
-    front = np.array([start])
-    while len(front):
-        many = first[front + 1] - first[front]
-        steps = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-        found = np.unique(successors[np.repeat(first[front], many) + steps])
-        front = found[~seen[found]]
-        seen[front] = True
-    return seen
 
 
 def drivable(roads: Roads, random: np.random.Generator) -> NDArray[np.bool_]:
@@ -68,9 +55,7 @@ def drivable(roads: Roads, random: np.random.Generator) -> NDArray[np.bool_]:
     for edge in random.permutation(np.flatnonzero(roads.edges.rule == 0))[:_ATTEMPTS]:
         if best[edge]:
             continue
-        part = _reached(edge, forward, target, count) & _reached(
-            edge, backward, origin[order], count
-        )
+        part = reached(edge, forward, target) & reached(edge, backward, origin[order])
         if part.sum() > max(1, best.sum()):
             best = part
         if best.sum() > 0.4 * count:

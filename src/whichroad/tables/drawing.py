@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..geodesy.angles import radians
 from ..geodesy.units import METRES_PER_DEGREE
 from ..observations import Array
+from ..ragged import row_and_place
 from ..roadmap.drawing import attribution, check_folium, in_degrees, streets, strokes
 from ..svg import Frame, Strokes, figure
 
@@ -199,10 +200,8 @@ def _lines(
     low = np.where(before[low], low - 1, low)
     if not len(low):
         return Strokes(lat[:0], lon[:0], np.zeros(1, np.int64), color, 3.0)
-    count = np.maximum(high - low, 2)  # a line has two ends
-    row = np.repeat(np.arange(len(low)), count)
-    at = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    at = np.minimum(low[row] + at, high[row] - 1)
+    row, place = row_and_place(np.maximum(high - low, 2))  # a line has two ends
+    at = np.minimum(low[row] + place, high[row] - 1)
     lines = shapely.linestrings(np.column_stack([lon, lat])[at], indices=row)
     lines = shapely.simplify(lines, _PIXELS / frame.scale)
     xy = shapely.get_coordinates(lines)

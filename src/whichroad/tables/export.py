@@ -17,6 +17,7 @@ from ..geodesy.angles import axis_bearing_of, bearing_of, degrees
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS, TURN_BANNED, U_TURN
 from ..lookback.traversals import Traversals
 from ..observations import Array
+from ..ragged import row_and_place
 from ..roadmap import RoadMap
 from ..roadmap.edge_tables import on_sources
 from ..sensors.gnss import ellipse
@@ -187,7 +188,7 @@ def path_table(
     of_edges = roads.arrays.edges
     columns = {
         "drive_id": _repeated(names, count),
-        "seq": pa.array(np.arange(rows) - np.repeat(np.cumsum(count) - count, count)),
+        "seq": pa.array(row_and_place(count)[1]),
         "edge_id": pa.array(edges, pa.int64()),
         "source_id": source,
         "from_node": pa.array(of_edges.from_node[edges].astype(np.int64)),
