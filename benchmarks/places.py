@@ -12,9 +12,7 @@ streets where they have been, and dead ends.
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,6 +28,7 @@ from whichroad.simulate.simulation_settings import PRESETS
 from whichroad.tables.relative_places import stances_of
 
 from . import Figure, Options, interval, seeds_text, town
+from .processes import spread
 
 SEEDS = range(9000, 9300)
 LENGTH_M = 6000.0
@@ -228,7 +227,8 @@ def _figures(options: Options) -> Iterator[Figure]:
             yield from _times(map_file)
             continue
         answers: list[Answer] = []
-        for seed, answer in zip(seeds, _spread(drivers, map_file, seeds, options), strict=True):
+        asked = spread(partial(one, drivers=drivers), seeds, options, town._open, [map_file])
+        for seed, answer in zip(seeds, asked, strict=True):
             answers.append(answer)
             options.say(f"{drivers}, seed {seed}: {sum(map(len, answer.rows.values()))} places")
         if "out" in options.more:
@@ -264,17 +264,6 @@ def draw_picture(answers: list[Answer], file: Path) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, dpi=80, metadata={"Software": None})
     plt.close(figure)
-
-
-def _spread(drivers: str, map_file: Path, seeds: range, options: Options) -> Iterator[Answer]:
-    processes = options.more.get("processes", 1)
-    work = partial(one, drivers=drivers)
-    if processes == 1:
-        town._open(map_file)
-        yield from map(work, seeds)
-        return
-    with ProcessPoolExecutor(processes, get_context("spawn"), town._open, (map_file,)) as pool:
-        yield from pool.map(work, seeds)
 
 
 def _of_kind(title: str, drives: list[Rows], seeds: range) -> Iterator[Figure]:

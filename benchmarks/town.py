@@ -4,11 +4,8 @@ Every seed is a drive of its own: route, map error, car, receiver.  The first 20
 all standstill are left out; an edge counts as right within 10 m of travel of it.
 """
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +13,15 @@ import numpy as np
 
 import whichroad
 from whichroad.epochs import build_timeline
+from whichroad.evaluate.compare import within_slack
 from whichroad.recorded import Recorded, localize_by_paper, localize_recorded
 from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
 
 from . import Figure, Options, interval, seeds_text, share
+from .processes import spread
 
 SEEDS = range(1000, 1064)
 LENGTH_M = 10_000.0
-SLACK_M = 10.0
 WARM_UP_S = 20.0
 CHI2_95 = 5.991  # two degrees of freedom
 
@@ -33,7 +31,7 @@ class Score:
     """Sums over the epochs of one drive (or of its outages)."""
 
     epochs: int
-    right: int  # within SLACK_M
+    right: int  # within 10 m of travel
     strict: int
     nees_position: float  # sums
     nees_pose: float
@@ -54,17 +52,9 @@ def _open(map_file: Path) -> None:
 
 
 def right_edges(drive: SimulatedDrive, edge: np.ndarray) -> np.ndarray:
-    """Whether an edge (n,), at the times of the truth, is driven within SLACK_M of travel."""
+    """Whether an edge (n,), at the times of the truth, is driven within 10 m of travel."""
     truth = drive.truth
-    starts = np.flatnonzero(np.diff(truth.edge, prepend=-9))
-    runs = truth.edge[starts]
-    low = np.searchsorted(truth.travelled, truth.travelled - SLACK_M)
-    high = np.searchsorted(truth.travelled, truth.travelled + SLACK_M, side="right") - 1
-    first = np.searchsorted(starts, low, side="right") - 1
-    last = np.searchsorted(starts, high, side="right") - 1
-    right = np.zeros(len(edge), bool)
-    for step in range(int((last - first).max()) + 1):
-        right |= runs[np.minimum(first + step, last)] == edge
+    right: np.ndarray = within_slack(edge, np.arange(len(edge)), truth.edge, truth.travelled)
     return right
 
 
@@ -149,7 +139,7 @@ def scores(options: Options, scenario: str, in_outage: bool) -> dict[int, Score]
         settings=options.settings(),
     )
     found: dict[int, Score] = {}
-    for seed, s in zip(seeds, _spread(work, map_file, seeds, options), strict=True):
+    for seed, s in zip(seeds, spread(work, seeds, options, _open, [map_file]), strict=True):
         found[seed] = s
         options.say(
             f"seed {seed}: right {100 * s.right / max(s.epochs, 1):6.2f} %, "
@@ -157,18 +147,6 @@ def scores(options: Options, scenario: str, in_outage: bool) -> dict[int, Score]
             f"RMSE {np.sqrt(s.squared / max(s.epochs, 1)):5.2f} m, epochs {s.epochs}"
         )
     return found
-
-
-def _spread(
-    work: Callable[[int], Score], map_file: Path, seeds: range, options: Options
-) -> Iterator[Score]:
-    processes = options.more.get("processes", 1)
-    if processes == 1:
-        _open(map_file)
-        yield from map(work, seeds)
-        return
-    with ProcessPoolExecutor(processes, get_context("spawn"), _open, (map_file,)) as pool:
-        yield from pool.map(work, seeds)
 
 
 def figures(found: dict[int, Score], seeds: range, goals: dict[str, str]) -> list[Figure]:

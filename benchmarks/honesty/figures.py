@@ -3,28 +3,15 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import beta
 
 from .. import Figure, interval
+from ..exact_bounds import clopper_pearson, upper_bound
 from .score import Row
 
 ECE_BINS = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999, 1.01])
 WRONG_GOAL = {"misspecified": 1e-2}
 ANEES_GOAL = {"good": "0.9..1.1", "urban": "0.9..1.3"}
 DECISIONS = ("near", "far", "end")
-
-
-def clopper_pearson(bad: int, n: int, level: float = 0.95) -> tuple[float, float]:
-    """Exact two-sided interval of a rate."""
-    tail = 0.5 * (1.0 - level)
-    low = float(beta.ppf(tail, bad, n - bad + 1)) if bad else 0.0
-    high = float(beta.ppf(1.0 - tail, bad + 1, n - bad)) if bad < n else 1.0
-    return low, high
-
-
-def upper_bound(bad: int, n: int, level: float = 0.95) -> float:
-    """Exact one-sided upper bound of a rate: three in n where nothing bad was seen."""
-    return float(beta.ppf(level, bad + 1, n - bad)) if bad < n else 1.0
 
 
 def reliability(p: np.ndarray, right: np.ndarray) -> list[tuple[float, float, int]]:

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from .. import Figure, seeds_text
+from ..exact_bounds import upper_bound
 from .classes import VARIANTS
-from .figures import WRONG_GOAL, Summary, calibration_error, figures_of, upper_bound
+from .figures import WRONG_GOAL, Summary, calibration_error, figures_of
 from .plots import coverage_plot, declare_plot, reliability_plot, stanford_plot
 
 _HEAD = """# Are the printed probabilities true?

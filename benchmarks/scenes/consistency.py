@@ -6,17 +6,16 @@ the map's frame, in which the map is exact.  The first 20 s and standstill are l
 
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import GOOD, URBAN, SimulatedDrive, drivable, simulate_drive
+from whichroad.simulate import GOOD, URBAN, SimulatedDrive, simulate_drive
 
 from .. import Figure, Options
-from .drives import Answer, Row, Table, answer, each, world
+from .drives import Answer, Row, Table, answer, each, read_town, world
 
 SEEDS = range(10_000, 10_400)
 LENGTH_M = 3000.0
@@ -31,12 +30,6 @@ MAP_GOAL = "0.7..1.3"
 LEVELS = (50, 90, 95, 99)  # %
 # x, y and covariance in the estimates, and elements xx, xy, yy of that
 FRAMES = {"world": ("x", "y", "cov", [0, 1, 3]), "map": ("map_x", "map_y", "map_cov", [0, 1, 2])}
-
-
-def prepare(map_file: Path) -> None:
-    """The map of this process."""
-    world["roads"] = RoadMap.from_osm(map_file)
-    world["allowed"] = drivable(world["roads"].arrays, np.random.default_rng(0))
 
 
 def errors(
@@ -99,7 +92,7 @@ def run(options: Options) -> list[Figure]:
         settings=options.settings(),
     )
     map_file = options.need("maps", "heidelberg.osm.pbf")
-    table = Table(each(work, seeds, options, prepare, [map_file]), seeds)
+    table = Table(each(work, seeds, options, read_town, [map_file]), seeds)
     figures = []
     for name in classes:
         below = f"{name} epochs"

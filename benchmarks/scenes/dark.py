@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import SimulatedDrive, drivable, simulate_drive
+from whichroad.simulate import SimulatedDrive, simulate_drive
 
 from .. import Figure, Options
 from ..town import right_edges
-from .drives import SURE, Answer, Row, Table, answer, each, map_error, world
+from .drives import SURE, Answer, Row, Table, answer, each, map_error, read_town, world
 
 SEEDS = range(10_000, 12_000)
 LONG_SEEDS = range(10_000, 10_200)
@@ -29,12 +29,6 @@ _ATTEMPTS = 8  # routes that are tried
 _STRIDE = 10_000_000  # between their seeds
 _LOOK_M = 25.0  # over which a turn must happen
 _LAST_M = 300.0  # after the outage
-
-
-def prepare(map_file: Path) -> None:
-    """The map of this process."""
-    world["roads"] = RoadMap.from_osm(map_file)
-    world["allowed"] = drivable(world["roads"].arrays, np.random.default_rng(0))
 
 
 def turning_window(drive: SimulatedDrive) -> tuple[float, float] | None:
@@ -116,7 +110,7 @@ def turns(options: Options) -> list[Figure]:
     """1.5 km with a turn in every 500 m."""
     seeds = options.seeds or SEEDS
     work = partial(turn, settings=options.settings())
-    table = Table(each(work, seeds, options, prepare, [_map(options)]), seeds)
+    table = Table(each(work, seeds, options, read_town, [_map(options)]), seeds)
     return [
         table.share("right road at the outage's end", "right_end", None, ">= 99"),
         table.quantile("map-frame error there, median", "error_end", 0.5, "<= 2"),
@@ -135,7 +129,7 @@ def long(options: Options) -> list[Figure]:
     work = partial(
         straight, length_m=options.more.get("metres", LONG_M), settings=options.settings()
     )
-    table = Table(each(work, seeds, options, prepare, [_map(options)]), seeds)
+    table = Table(each(work, seeds, options, read_town, [_map(options)]), seeds)
     return [
         table.share("right road in the outage", "right", "epochs", ">= 97"),
         table.share("map-frame error <= 10 m in it", "within_10", "epochs", ">= 95"),

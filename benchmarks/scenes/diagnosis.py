@@ -8,7 +8,6 @@ are not what its user believes.  Warnings count as fired, informations do not.
 
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,13 +16,12 @@ import whichroad
 from whichroad.epochs import build_timeline
 from whichroad.observations import Drive
 from whichroad.recorded import localize_recorded
-from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import GOOD, SimulationSettings, drivable, simulate_drive
+from whichroad.simulate import GOOD, SimulationSettings, simulate_drive
 
 from .. import Figure, Options
 from ..honesty import chosen
-from .drives import Row, Table, each, world
+from .drives import Row, Table, each, read_town, world
 
 SEEDS = range(10_000, 10_100)
 HOURS = 3.0
@@ -75,12 +73,6 @@ CASES = {
 }
 
 
-def prepare(map_file: Path) -> None:
-    """The map of this process."""
-    world["roads"] = RoadMap.from_osm(map_file)
-    world["allowed"] = drivable(world["roads"].arrays, np.random.default_rng(0))
-
-
 def cut(drive: Drive, seconds: float) -> Drive:
     """The beginning of a drive."""
     fixes, odometry = drive.fixes, drive.odometry
@@ -125,7 +117,7 @@ def run(options: Options) -> list[Figure]:
     names = tuple(chosen(options.more.get("classes"), dict(CASES), ",".join(CASES)))
     work = partial(one, hours=HOURS, settings=options.settings(), names=names)
     map_file = options.need("maps", "heidelberg.osm.pbf")
-    table = Table(each(work, seeds, options, prepare, [map_file]), seeds)
+    table = Table(each(work, seeds, options, read_town, [map_file]), seeds)
     figures = []
     for name in names:
         case = CASES[name]

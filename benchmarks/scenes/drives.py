@@ -2,10 +2,9 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from multiprocessing import get_context
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +17,11 @@ from whichroad.observations import StartPose
 from whichroad.recorded import localize_recorded
 from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import SimulatedDrive
+from whichroad.simulate import SimulatedDrive, drivable
 
 from .. import Figure, Options, interval, seeds_text
+from ..exact_bounds import clopper_pearson
+from ..processes import spread
 
 SURE = 0.95  # P beyond which a road counts as decided
 
@@ -69,6 +70,19 @@ def named(roads: RoadMap, *names: str) -> Mask:
     return np.isin(np.array([n or "" for n in roads.column("name")]), names)
 
 
+def eastward(roads: RoadMap, name: str) -> int:
+    """The edge of a street of one stretch that is driven to the east."""
+    edges = np.flatnonzero(named(roads, name)).tolist()
+    (edge,) = (e for e in edges if abs(roads.at(e, 0.0)[2]) < 0.5 * np.pi)
+    return int(edge)
+
+
+def read_town(map_file: Path) -> None:
+    """The map of this process, and where in it one can drive."""
+    world["roads"] = RoadMap.from_osm(map_file)
+    world["allowed"] = drivable(world["roads"].arrays, np.random.default_rng(0))
+
+
 def each(
     work: Callable[[int], Row | None],
     seeds: range,
@@ -86,7 +100,7 @@ def each(
         arguments: Of `prepare`.
     """
     rows, begun, told = [], time.perf_counter(), 0
-    for done, row in enumerate(_spread(work, seeds, options, prepare, arguments), start=1):
+    for done, row in enumerate(spread(work, seeds, options, prepare, arguments), start=1):
         if row is not None:
             rows.append({"seed": float(seeds[done - 1]), **row})
         if options.more.get("progress"):
@@ -97,24 +111,6 @@ def each(
             spent = time.perf_counter() - begun
             sys.stderr.write(f"{done} of {len(seeds)} drives, {spent:.0f} s\n")
     return rows
-
-
-def _spread(
-    work: Callable[[int], Row | None],
-    seeds: range,
-    options: Options,
-    prepare: Callable[..., None] | None,
-    arguments: Sequence[Any],
-) -> Iterator[Row | None]:
-    processes = options.more.get("processes", 1)
-    if processes == 1:
-        if prepare is not None:
-            prepare(*arguments)
-        yield from map(work, seeds)
-        return
-    context = get_context("spawn")
-    with ProcessPoolExecutor(processes, context, prepare, tuple(arguments)) as pool:
-        yield from pool.map(work, seeds, chunksize=4)
 
 
 class Table:
@@ -172,29 +168,3 @@ class Table:
 
         bounds = interval(at, values)
         return Figure(figure, at(values), goal, unit, len(values), bounds, self.seeds)
-
-
-def clopper_pearson(k: int, n: int, risk: float = 0.05) -> tuple[float, float]:
-    """Exact bounds of a share of which k of n were seen, by bisection of the binomial tails."""
-    if n == 0:
-        return 0.0, 1.0
-    low = 0.0 if k == 0 else _solve(lambda p: 1.0 - _at_most(k - 1, n, p) < risk / 2)
-    high = 1.0 if k == n else _solve(lambda p: _at_most(k, n, p) > risk / 2)
-    return low, high
-
-
-def _solve(below: Callable[[float], bool]) -> float:
-    """Where a condition that holds for small p stops to hold, within (0, 1)."""
-    low, high = 0.0, 1.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if below(middle) else (low, middle)
-    return low
-
-
-def _at_most(k: int, n: int, p: float) -> float:
-    """P(at most k of n), each with p in (0, 1)."""
-    i = np.arange(1, k + 1)
-    logs = np.concatenate([[0.0], np.cumsum(np.log((n - i + 1) / i))])
-    logs += np.arange(k + 1) * np.log(p) + (n - np.arange(k + 1)) * np.log1p(-p)
-    return float(np.exp(logs).sum())

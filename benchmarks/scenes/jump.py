@@ -9,19 +9,17 @@ fixes are right and must win.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from whichroad.observations import StartPose, WheelCounts
-from whichroad.roadmap import RoadMap
 from whichroad.settings import Settings
-from whichroad.simulate import GOOD, Jump, SimulatedDrive, drivable, simulate_drive
+from whichroad.simulate import GOOD, Jump, SimulatedDrive, simulate_drive
 
 from .. import Figure, Options
 from ..town import right_edges
-from .drives import SURE, Answer, Row, Table, answer, each, world
+from .drives import SURE, Answer, Row, Table, answer, each, read_town, world
 
 SEEDS = range(10_000, 10_300)
 APART_M = 200.0
@@ -31,12 +29,6 @@ AFTER_M = 4500.0
 RECOVERY_S = 60.0  # a drive that ends sooner after the event tells nothing of it
 CARRIED_M = (200.0, 600.0)
 CLOSE_M = 20.0  # an error below this is a filter that knows where it is
-
-
-def prepare(map_file: Path) -> None:
-    """The map of this process."""
-    world["roads"] = RoadMap.from_osm(map_file)
-    world["allowed"] = drivable(world["roads"].arrays, np.random.default_rng(0))
 
 
 def _world_error(drive: SimulatedDrive, said: Answer) -> NDArray[np.float64]:
@@ -162,7 +154,7 @@ def run(options: Options) -> list[Figure]:
     """All seeds."""
     seeds = options.seeds or SEEDS
     work = partial(one, settings=options.settings())
-    rows = each(work, seeds, options, prepare, [options.need("maps", "heidelberg.osm.pbf")])
+    rows = each(work, seeds, options, read_town, [options.need("maps", "heidelberg.osm.pbf")])
     table, key = Table(rows, seeds), "false jump "
     figures = [
         table.share("false jump: right road meanwhile", key + "right", key + "epochs"),

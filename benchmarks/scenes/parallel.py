@@ -19,7 +19,7 @@ from whichroad.settings import Settings
 from whichroad.simulate import GOOD, MapBuilder, Pull, SimulatedDrive, simulate_drive
 
 from .. import Figure, Options
-from .drives import SURE, Answer, Row, Table, answer, each, named, world
+from .drives import SURE, Answer, Row, Table, answer, each, eastward, named, world
 from .plain import Array
 
 SEEDS = range(10_000, 11_000)
@@ -71,14 +71,7 @@ def draw(gap: float, right: float) -> Pair:
     for name, nodes in streets.items():
         builder.way(nodes, "tertiary", name=name, maxspeed="50")
     roads = builder.compiled()
-    return Pair(roads, right, *(_eastward(roads, name) for name in streets))
-
-
-def _eastward(roads: RoadMap, name: str) -> int:
-    """The edge of a street that runs away from the begin."""
-    edges = np.flatnonzero(named(roads, name)).tolist()
-    (edge,) = (e for e in edges if abs(roads.at(e, 0.0)[2]) < 0.5 * np.pi)
-    return int(edge)
+    return Pair(roads, right, *(eastward(roads, name) for name in streets))
 
 
 def prepare() -> None:

@@ -19,8 +19,8 @@ from whichroad.simulate import GOOD, SimulatedDrive, simulate_drive
 
 from .. import Figure, Options
 from ..town import right_edges
-from .consistency import WARM_UP_S, errors, prepare
-from .drives import Answer, Mask, Row, Table, answer, each, world
+from .consistency import WARM_UP_S, errors
+from .drives import Answer, Mask, Row, Table, answer, each, read_town, world
 
 SEEDS = range(10_000, 10_100)
 LENGTH_M = 3000.0
@@ -99,7 +99,7 @@ def run(options: Options) -> list[Figure]:
     seeds = options.seeds or SEEDS
     work = partial(one, length_m=options.more.get("metres", LENGTH_M), settings=options.settings())
     map_file = options.need("maps", "heidelberg.osm.pbf")
-    table = Table(each(work, seeds, options, prepare, [map_file]), seeds)
+    table = Table(each(work, seeds, options, read_town, [map_file]), seeds)
     figures = []
     for columns, lag, rate in product(COLUMNS, LAGS, RATES):
         what, key = f"{columns}, {rate} Hz, {lag}: ", f"{columns} {rate} {lag} "

@@ -34,7 +34,7 @@ from whichroad.simulate import GOOD, MapBuilder, SimulatedDrive, simulate_drive
 from .. import Figure, Options
 from ..added_sensors import lasting
 from ..places import by_chance, calibration_error
-from .drives import Row, Table, each, named, world
+from .drives import Row, Table, each, eastward, named, world
 
 SEEDS = range(12_000, 13_000)
 LEVELS = (0.9, 0.999)  # P from which on a road is declared
@@ -95,7 +95,7 @@ def draw(scene: str, by_hand: np.random.Generator | None = None) -> Pair:
         )
         builder.way(one[2:], "secondary", name=name, maxspeed="50")
     roads = builder.compiled()
-    approach, above, below = (_eastward(roads, name) for name in ("Approach", _ABOVE, _BELOW))
+    approach, above, below = (eastward(roads, name) for name in ("Approach", _ABOVE, _BELOW))
     return Pair(roads, approach, {_ABOVE: above, _BELOW: below})
 
 
@@ -112,14 +112,8 @@ def draw_crossing() -> Pair:
                 ends = [f"{name} {places[k - 1][1]}", f"{name} {what}"]
                 builder.way(ends, "secondary", name=name, maxspeed="50", **tags)
     roads = builder.compiled()
-    above, below = (_eastward(roads, name) for name in (_ABOVE, _BELOW))
+    above, below = (eastward(roads, name) for name in (_ABOVE, _BELOW))
     return Pair(roads, -1, {_ABOVE: above, _BELOW: below})
-
-
-def _eastward(roads: RoadMap, name: str) -> int:
-    edges = np.flatnonzero(named(roads, name)).tolist()
-    (edge,) = (e for e in edges if abs(roads.at(e, 0.0)[2]) < 0.5 * np.pi)
-    return int(edge)
 
 
 def prepare() -> None:

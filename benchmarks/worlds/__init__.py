@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from .. import Figure, Options, seeds_text
+from ..exact_bounds import clopper_pearson, upper_bound
 from .drives import Run, Scored, run_worlds
 from .faults import BY_NAME, FAULTS, SUITES
-from .figures import badness, clopper_pearson, upper_bound, wrong_by_world
+from .figures import badness, wrong_by_world
 from .nets import sumo_tool
 from .pictures import drive_picture, stanford
 from .receivers import absent

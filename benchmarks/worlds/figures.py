@@ -4,25 +4,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import beta
 
 from .. import interval
+from ..exact_bounds import clopper_pearson
 from .drives import Scored
 from .scoring import AFTER, PoseSums
 
 Pair = tuple[float, float]
-
-
-def clopper_pearson(bad: int, n: int) -> Pair:
-    """Exact two-sided 95 % interval of a rate."""
-    low = float(beta.ppf(0.025, bad, n - bad + 1)) if bad else 0.0
-    high = float(beta.ppf(0.975, bad + 1, n - bad)) if bad < n else 1.0
-    return low, high
-
-
-def upper_bound(bad: int, n: int) -> float:
-    """Exact one-sided 95 % bound of a rate."""
-    return float(beta.ppf(0.95, bad + 1, n - bad)) if bad < n else 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,10 @@ import numpy as np
 import whichroad
 
 from .. import Figure, Options, seeds_text
+from ..exact_bounds import clopper_pearson, upper_bound
 from . import scoring
 from .drivers import Truth
 from .drives import CAR, World, make_world, said_of, table_of
-from .figures import clopper_pearson, upper_bound
 from .maps import draw_map
 from .nets import sumo_tool
 from .receivers import ANTENNA, Fixes, receive

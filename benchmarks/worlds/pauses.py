@@ -14,9 +14,9 @@ import numpy as np
 import whichroad
 
 from .. import Figure, Options, seeds_text
+from ..exact_bounds import clopper_pearson
 from . import scoring
 from .drives import CAR, World, make_world, said_of, sense, table_of
-from .figures import clopper_pearson
 from .nets import sumo_tool
 
 SEEDS = range(3)

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
+from ..exact_bounds import clopper_pearson
 from .drives import Scored
 from .faults import FAULTS
-from .figures import Declarations, Poses, clopper_pearson, declarations, pose_rows, poses
+from .figures import Declarations, Poses, declarations, pose_rows, poses
 from .scoring import AFTER, PoseSums
 
 

@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.exact_bounds import clopper_pearson, upper_bound
 from benchmarks.honesty.classes import NOISES
 from benchmarks.honesty.drives import Memory, Task, drive, exact_test, localize, work
 from benchmarks.honesty.figures import (
     Summary,
     calibration_error,
-    clopper_pearson,
     figures_of,
-    upper_bound,
 )
 from benchmarks.honesty.oracle import covariance, declares, lateral
 from benchmarks.honesty.score import Row, new_scratch, score_drive

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
+from benchmarks.exact_bounds import clopper_pearson, upper_bound
 from benchmarks.worlds.drives import Scored
 from benchmarks.worlds.faults import Event
 from benchmarks.worlds.figures import (
-    clopper_pearson,
     declarations,
     poses,
-    upper_bound,
     wrong_by_world,
 )
 from benchmarks.worlds.scoring import (

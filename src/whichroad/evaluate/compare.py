@@ -99,7 +99,7 @@ def compare(points: Any, truth: Any, *, mask: Sequence[tuple[float, float]] = ()
             nees + (heading / radians(p.known("sigma_bearing_deg"))) ** 2, NEES_CAP
         ),
         map_error=map_error,
-        right=_within_slack(edge, nearest, true_edge, _travelled(t)),
+        right=within_slack(edge, nearest, true_edge, _travelled(t)),
         strict=strict,
         along_error=np.where(strict & (edge >= 0), along, 0.0) if placed else unknown,
         p_road=p.numbers("p_road", 0.0) if "p_road" in p.names else unknown,
@@ -211,7 +211,7 @@ def _travelled(t: Table) -> Array:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _within_slack(
+def within_slack(
     edge: NDArray[np.int64], row: NDArray[np.int64], true_edge: NDArray[np.int64], travelled: Array
 ) -> Bools:
     """Whether `edge` (n,) is a true edge within `SLACK_M` of travel about truth row `row` (n,)."""
