@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import WriteError
 from .evaluate import evaluate
 from .matching import match
 from .observations import Odometer
@@ -25,6 +24,7 @@ from .sensors.odometry import motion_of
 from .settings import Vehicle
 from .simulate import demo_scenes, write_demo
 from .tables.schema import seconds_of, times
+from .writers import check_folder
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -59,7 +59,7 @@ def run_demo(
         WriteError: the folder holds something else, or cannot be written to.
     """
     out = Path(out)
-    _check(out, force)
+    check_folder(out, SUMMARY, _MADE_BY, "an earlier demo's", force=force)
     stopwatch = _Stopwatch(progress)
     stopwatch("simulating a drive")
     written, _ = write_demo(out, force=True)
@@ -117,21 +117,6 @@ class _Stopwatch:
         self._what, self._since = what, now
         if what:
             self._progress(what, 0, 0)
-
-
-def _check(out: Path, force: bool) -> None:
-    """Only an empty folder, or one that an earlier demo filled, is written to."""
-    if force or not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    try:
-        if json.loads((out / SUMMARY).read_text("utf-8"))["made_by"] == _MADE_BY:
-            return
-    except (OSError, ValueError, KeyError, TypeError):
-        pass
-    raise WriteError(
-        f"{out}: exists and holds other files; an empty folder or an earlier demo's was "
-        "expected; choose another with --out or give --force"
-    )
 
 
 def _read(path: Path) -> "pa.Table":

@@ -221,8 +221,7 @@ def match(
             )
         for file, ask in ((ahead, result.ahead), (nearby, result.nearby)):
             if file is not None:
-                table = thinned(ask(), every, whole=True) if every else ask()
-                writers.write_table(table, file, force=force)
+                writers.write_table(thinned(ask(), every, whole=True), file, force=force)
         if lineage is not None:
             result.lineage.write(lineage, force=force)
         if report is not None:
@@ -250,8 +249,7 @@ def _write(result: "Result", out: Path | None, every: float | None, force: bool)
     from ..writers import write_table
 
     if out is not None:
-        points = result.to_arrow()
-        write_table(thinned(points, every) if every else points, out, force=force)
+        write_table(thinned(result.to_arrow(), every), out, force=force)
 
 
 def print_summary(result: "Result") -> None:

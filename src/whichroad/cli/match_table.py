@@ -62,7 +62,7 @@ def match_trips(
         progress("localizing", 0, 0)
         for part in match_stream(table, network, progress=progress, **options):
             if points:
-                points(thinned(part.points, every) if every else part.points)
+                points(thinned(part.points, every))
             if path:
                 path(network.by_source(part.path) if by_source else part.path)
             trips.append(part.drives)

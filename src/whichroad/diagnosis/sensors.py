@@ -32,7 +32,7 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
     """Sensors that were withheld or mended, named.
 
     Args:
-        vetting: `filter.vetting.vet.VETTING` at the end of a drive, or now.
+        vetting: `filter.vetting.motion_sources.VETTING` at the end of a drive, or now.
         moved: s by which the odometry of a recorded drive was put on the clock of the fixes.
     """
     found = []

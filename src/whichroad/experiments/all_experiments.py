@@ -9,6 +9,7 @@ from typing import Any
 
 from .. import __version__
 from ..errors import SettingError, WriteError
+from ..writers import check_folder
 from .example_drive import answer_example, median_seed
 from .experiments_report import key_table, write_report
 from .gst import KINDS, PER_FIX, Kind, score_gst
@@ -78,7 +79,14 @@ def run_experiments(
             for seed in seeds:
                 other.file(scene.name, seed)  # missing ones are named before the work
     out = Path(out)
-    _prepare(out, force)
+    check_folder(out, NUMBERS, _MADE_BY, "earlier experiments'", force=force)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WriteError(
+            f"{out}: cannot be made ({error.strerror}); a folder to write to was expected; "
+            "choose another with --out"
+        ) from error
     outcomes = []
     for number, scene in enumerate(chosen):
         if keep:
@@ -110,27 +118,6 @@ def _chosen(names: Sequence[str], seeds: range) -> list[Scene]:
             f"seeds are {seeds.start}:{seeds.stop}; A:B with 0 <= A < B was expected; choose some"
         )
     return [SCENES[name] for name in names or SCENES]
-
-
-def _prepare(out: Path, force: bool) -> None:
-    """Only an empty folder, or one that earlier experiments filled, is written to."""
-    if not force and out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        try:
-            ours = json.loads((out / NUMBERS).read_text("utf-8"))["made_by"] == _MADE_BY
-        except (OSError, ValueError, KeyError, TypeError):
-            ours = False
-        if not ours:
-            raise WriteError(
-                f"{out}: exists and holds other files; an empty folder or earlier experiments' "
-                "was expected; choose another with --out or give --force"
-            )
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise WriteError(
-            f"{out}: cannot be made ({error.strerror}); a folder to write to was expected; "
-            "choose another with --out"
-        ) from error
 
 
 def _about(o: Outcome) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 COLOURS = {"paper": "#d9730d", "default": "#0b4f9e"}
+ABOVE: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderpad": 0.0}
+"""Where a legend stands: above its axes, at the right."""
+
 _GRID = 500
 _ONE_SIGMA = 1.0 - math.exp(-1.0)  # probability of a plane Gaussian within its RMS
 _PLOTTED_STEPS = 14.0  # s, shortest time axis
@@ -40,7 +43,7 @@ def draw_band(axes: "Axes", model: str, runs: Sequence[Run], window: tuple[float
     )
     axes.plot(metres, middle, color=COLOURS[model], lw=2, label="median")
     axes.set(xlim=window, ylim=(-0.03, 1.03), ylabel="P(true road)")
-    axes.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderpad=0.0)
+    axes.legend(ncols=2, **ABOVE)
 
 
 def draw_survival(axes: "Axes", scene: Scene, runs: Mapping[str, Sequence[Run]]) -> None:
@@ -91,8 +94,5 @@ def draw_errors(axes: "Axes", lines: Sequence[Line], window: tuple[float, float]
     axes.set(xlim=window, ylim=(0.0, 1.06 * most), ylabel="position error (m)")
     handles, labels = axes.get_legend_handles_labels()
     dashed = Line2D([], [], color=FAINT, lw=1.4, ls=(0, (4, 2)))
-    axes.legend(
-        [*handles, dashed], [*labels, "dashed: as stated"], loc="lower right", ncols=3,
-        bbox_to_anchor=(1.0, 1.0), borderpad=0.0,
-    )  # fmt: skip
+    axes.legend([*handles, dashed], [*labels, "dashed: as stated"], ncols=3, **ABOVE)
     return most

@@ -15,7 +15,7 @@ from ..lineage import Hypothesis
 from ..lineage.lanes import Stretch, draw_lanes, lanes_of, legend_of_lanes
 from ..plots.pages import DPI, STYLE
 from ..plots.panels import FIX, HIDDEN, PROBABLE, RECKONING, TRUTH, UNIT, probability_bar
-from .curves import COLOURS, Line, draw_band, draw_errors, draw_survival
+from .curves import ABOVE, COLOURS, Line, draw_band, draw_errors, draw_survival
 from .example_drive import ExampleDrive
 from .gst import FIXED, NOISES, PER_FIX, Kind
 from .map_drawings import (
@@ -119,10 +119,7 @@ def _zoom_page(example: ExampleDrive) -> Figure:
         axes.set_title(MODELS[model])
     _same_frame(panels, place)
     _fit(figure, panels)
-    panels[0].legend(
-        handles=legend_of_map(), loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0),
-        borderpad=0.0,
-    )  # fmt: skip
+    panels[0].legend(handles=legend_of_map(), ncols=4, **ABOVE)
     probability_bar(figure, panels)
     return figure
 
@@ -202,10 +199,7 @@ def _lanes_page(example: ExampleDrive) -> Figure:
     for axes, model in zip(panels, MODELS, strict=True):
         draw_lanes(axes, shown[model], PROBABLE, UNIT, _names)
         axes.set_title(MODELS[model])
-        axes.legend(
-            handles=legend_of_lanes(model), loc="lower right", ncols=4, bbox_to_anchor=(1.0, 1.0),
-            borderpad=0.0,
-        )  # fmt: skip
+        axes.legend(handles=legend_of_lanes(model), ncols=4, **ABOVE)
     panels[-1].set_xlabel(f"m driven past {example.scene.zero}")
     probability_bar(figure, panels)
     return figure
@@ -290,10 +284,7 @@ def _gst_page(example: ExampleDrive) -> Figure:
     frame(near, np.array([houses.min(axis=0) - 40.0, houses.max(axis=0) + 40.0]))
     whole.set_title("The route")
     near.set_title("Between the houses")
-    whole.legend(
-        handles=_legend_of_gst(), loc="lower right", ncols=5, bbox_to_anchor=(1.0, 1.0),
-        borderpad=0.0,
-    )  # fmt: skip
+    whole.legend(handles=_legend_of_gst(), ncols=5, **ABOVE)
     return figure
 
 

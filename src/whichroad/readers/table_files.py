@@ -1,7 +1,6 @@
 """Files of tables to the columns that are used: text, Parquet, Arrow."""
 
 import io
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +10,6 @@ from .csv_text import read_csv
 from .names import Seen, find
 from .reading import Reading
 from .source import Source
-
-if TYPE_CHECKING:
-    pass
 
 PARQUET = (".parquet", ".geoparquet", ".pq")
 ARROW = (".arrow", ".feather", ".ipc")

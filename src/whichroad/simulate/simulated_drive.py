@@ -15,7 +15,7 @@ from ..observations import Array, Drive, Fixes
 from ..settings import Vehicle
 from .lateral_profile import VehiclePath, draw_path
 from .map_error_field import MapErrorField, draw_map_error
-from .route_choice import Edges, drivable, random_route
+from .route_choice import Edges, random_route
 from .sensor_models import (
     GnssErrors,
     Jump,
@@ -322,6 +322,3 @@ def _checked(roads: Roads, route: Sequence[int]) -> Edges:
         )
         raise SettingError(f"route of {len(edges)} edges: {at}; connected edges were expected")
     return edges
-
-
-__all__ = ["START", "SimulatedDrive", "Truth", "drivable", "settings_of", "simulate_drive"]

@@ -245,15 +245,15 @@ def with_iso_times(table: pa.Table) -> pa.Table:
     return table
 
 
-def thinned(points: pa.Table, every: float, *, whole: bool = False) -> pa.Table:
+def thinned(points: pa.Table, every: float | None, *, whole: bool = False) -> pa.Table:
     """The first row of each `every` seconds of each drive, counted from the drive's start.
 
     Args:
         points: Or another table with `drive_id` and `time`, in order.
-        every: s.
+        every: s; None: all rows stay.
         whole: Whether all rows of that row's time are kept, where an epoch has several.
     """
-    if points.num_rows == 0:
+    if not every or points.num_rows == 0:
         return points
     drive = points["drive_id"].combine_chunks()
     same = pc.equal(drive.slice(1), drive.slice(0, len(drive) - 1))

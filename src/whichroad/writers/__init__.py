@@ -5,6 +5,7 @@ file that takes the name when it is whole.
 """
 
 import glob
+import json
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -69,6 +70,32 @@ def check(path: str | os.PathLike[str], *, force: bool = False) -> None:
 
         check_gdal()
     check_place(path, force=force)
+
+
+def check_folder(out: Path, note: str, made_by: str, whose: str, *, force: bool) -> None:
+    """Refuse to fill a folder that holds anything but what an earlier run left there.
+
+    Args:
+        out: The folder; it need not exist.
+        note: The JSON file in it whose `made_by` tells what filled it.
+        made_by: What it must tell.
+        whose: Which earlier folder would do, for the message.
+        force: Whether any folder will do.
+
+    Raises:
+        WriteError: It holds something else.
+    """
+    if force or not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    try:
+        if json.loads((out / note).read_text("utf-8"))["made_by"] == made_by:
+            return
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    raise WriteError(
+        f"{out}: exists and holds other files; an empty folder or {whose} was expected; "
+        "choose another with --out or give --force"
+    )
 
 
 def check_place(path: Path, *, force: bool = False) -> None:

@@ -24,4 +24,4 @@ def draw_scene(kind: str, variant: int) -> Scene:
     return build_scene(builder, float(random.uniform(-np.pi, np.pi)))
 
 
-__all__ = ["SCENES", "Route", "Scene", "SceneBuilder", "compile_draft", "draw_scene"]
+__all__ = ["SCENES", "Route", "Scene", "SceneBuilder", "draw_scene"]
