@@ -25,7 +25,7 @@ from whichroad.live.reading_lines import ReadingLines
 from whichroad.live.recording import Recorder
 from whichroad.live.troubles import Troubles
 from whichroad.readers.can_frames import read_frames
-from whichroad.readers.receiver_told import ReceiverTold
+from whichroad.readers.nmea_told import NmeaTold
 from whichroad.sensors import Compass, DualAntenna, SensorReading, Sky
 from whichroad.writers.nmea_text import sealed
 
@@ -120,7 +120,7 @@ def test_headings_of_nmea_have_the_time_of_the_sentence_before_them():
     gga = "GPGGA,0800{:02d}.00,4924.5,N,00242.1,E,1,09,0.9,52.0,M,45.0,M,,"
     said = [gga.format(0), "GPTHS,90.5,A", "GPTHS,91.5,A", "HCHDG,85.0,1.5,W,2.0,E",
             gga.format(1), "GPHDT,91.0,T", gga.format(2), "GPTHS,92.0,V"]  # fmt: skip
-    told = ReceiverTold(1_780_300_800.0, ("antennas_deg", "compass_deg"))
+    told = NmeaTold(1_780_300_800.0, ("antennas_deg", "compass_deg"))
     found = told.feed(b"".join(sealed(one) for one in said))
     assert [(one.time - 1_780_300_800.0, one.values) for one in found] == [
         (0.0, {"antennas_deg": 90.5}), (0.0, {"compass_deg": 83.5}), (1.0, {"antennas_deg": 91.0}),

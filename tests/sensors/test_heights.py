@@ -11,7 +11,7 @@ from whichroad.errors import SettingError
 from whichroad.live.decode import NmeaStream
 from whichroad.observations import SensorReading, SpeedYaw, WheelTicks
 from whichroad.readers.nmea import read_nmea
-from whichroad.readers.receiver_told import ReceiverTold
+from whichroad.readers.nmea_told import NmeaTold
 from whichroad.roadmap.levels import LEVEL_M, RAMP_M, UNIT_M, ZERO, profile
 from whichroad.sensors import Compass, Height, Sky
 from whichroad.simulate import GOOD, MapBuilder, simulate_drive
@@ -166,7 +166,7 @@ def test_a_stream_tells_the_same_in_pieces_of_any_size():
         stream.feed(data[k : k + 7])
         found += stream.readings()
     assert [one.values["satellites"] for one in found] == [9.0, 9.0, 0.0, 9.0]
-    whole = ReceiverTold(found[0].time).feed(data)
+    whole = NmeaTold(found[0].time).feed(data)
     assert [one.time for one in whole] == [one.time for one in found]
 
 

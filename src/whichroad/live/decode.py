@@ -24,8 +24,8 @@ from ..observations import (
 from ..readers.can import Signal, find_signals, reverse_value, si_factor, unit_factor
 from ..readers.names import SENSED
 from ..readers.nmea import NmeaParser
+from ..readers.nmea_told import NmeaTold
 from ..readers.reading import Reading
-from ..readers.receiver_told import ReceiverTold
 from ..readers.ubx import UbxParser
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
@@ -50,7 +50,7 @@ class NmeaStream:
         offset: s added to the receiver's times.
         vehicle: Scales of the wheels that a dead-reckoning receiver reads; None: their ticks and
             the gyro are passed over.
-        told: Names of `readers.receiver_told` that sensors ask for.
+        told: Which of `readers.names.TOLD` sensors ask for.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class NmeaStream:
         self._ubx = UbxParser(Reading.of(settings=settings, columns=asked), self._sensors)
         self._status = StatusReader()
         self._readings: list[SensorReading] = []
-        self._told = ReceiverTold(time.time(), told) if told else None
+        self._told = NmeaTold(time.time(), told) if told else None
 
     @property
     def skipped(self) -> int:

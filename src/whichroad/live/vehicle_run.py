@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..online import Localizer
-from ..readers.receiver_told import wanted
+from ..readers.names import told_of
 from .addresses import Address
 from .broadcaster import Broadcaster
 from .checkpoint import Checkpoint
@@ -114,7 +114,7 @@ class VehicleRun:
         fitted, filter_loop = self.fitted, self.filter_loop
         car, settings = fitted.localizer.vehicle, fitted.localizer.settings
         columns = fitted.localizer.sensor_columns
-        told = wanted(columns)
+        told = told_of(columns)
         deliver = self._on_arrival if by_arrival else filter_loop.take
         inputs: list[Coroutine[Any, Any, None]] = []
         for address in fitted.nmea:

@@ -7,7 +7,7 @@ digits.  Of several names of one quantity the first listed wins.
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -182,7 +182,15 @@ BARE = {
     },
 }  # names that say no unit, of quantities that have several usual ones
 SENSED = "+"  # begins the alias of a column that a further sensor reads
+TOLD = ("satellites", "height_m", "cn0_dbhz", "antennas_deg", "compass_deg", "antennas_sigma_deg")
+"""What receivers say beside fixes: `nmea_told`, `ubx_told`."""
+
 DRIVES = ("drive_id", "vehicle_id", "row_id")  # what may tell drives apart, the surest first
+
+
+def told_of(columns: Iterable[str]) -> frozenset[str]:
+    """Which of `TOLD` are among the columns that a caller gave readers to keep."""
+    return frozenset(name.removeprefix(SENSED) for name in columns) & frozenset(TOLD)
 
 
 def normal(name: str) -> str:

@@ -17,8 +17,9 @@ from ..observations import Array, Drive, Fixes, GeoFix
 from ..settings import Settings
 from ..wording import by_reason
 from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep
+from .names import told_of
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
-from .receiver_told import READ_BY, ReceiverTold, wanted
+from .nmea_told import READ_BY, NmeaTold
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
 from .source import Source
 
@@ -67,8 +68,8 @@ def read_nmea(file: Any, settings: Settings | None = None, columns: Iterable[str
             "an NMEA 0183 log was expected; is this the right file?"
         )
     fixes = parser.fixes(sentences)
-    names = wanted(columns)
-    told = ReceiverTold(fixes.time[0], names).feed(data + b"\n") if names and len(fixes) else []
+    names = told_of(columns)
+    told = NmeaTold(fixes.time[0], names).feed(data + b"\n") if names and len(fixes) else []
     return Drive(
         drive_id=source.stem,
         fixes=fixes,
@@ -163,7 +164,7 @@ class NmeaParser:
         """What a reader of the result should know.
 
         Args:
-            told: Columns of `readers.receiver_told` that sensors have asked for.
+            told: Columns of `names.TOLD` that sensors have asked for.
         """
         notes, kinds = [], []
         for kind, count in self.others.most_common(8):

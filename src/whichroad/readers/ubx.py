@@ -13,8 +13,8 @@ from ..errors import ReadError
 from ..observations import Drive, Fixes, GeoFix, SensorReading
 from ..wording import by_reason
 from .checks import Bools, Ints, Skipped, keep
+from .names import told_of
 from .reading import Reading
-from .receiver_told import wanted
 from .reported_fixes import RADIUS_68, Reported, as_records, make_fixes
 from .source import Source
 from .ubx_frames import (
@@ -95,7 +95,7 @@ def read_ubx(source: Source, reading: Reading) -> list[Drive]:
         notes.append(f"UBX messages not needed: {by_reason(others.most_common(8))}")
     return [
         Drive(source.stem, fixes, wheels, (source.path,), dict(skipped), tuple(notes),
-              _told(data, frames, pvt, pvt_at, wanted(reading.columns)))
+              _told(data, frames, pvt, pvt_at, told_of(reading.columns)))
     ]  # fmt: skip
 
 
@@ -154,7 +154,7 @@ class UbxParser:
         self.seen = False
         self.told: list[SensorReading] = []
         self._sensors = sensors
-        self._names = wanted(reading.columns) if reading is not None else frozenset[str]()
+        self._names = told_of(reading.columns) if reading is not None else frozenset[str]()
         self._teller = UbxTold(self._names)
         self._reading = reading or Reading()
         self._held = b""

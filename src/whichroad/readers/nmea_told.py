@@ -15,9 +15,8 @@ from collections.abc import Iterable
 
 from ..nmea_frame import checksum
 from ..observations import SensorReading
-from .names import SENSED
+from .names import TOLD
 
-NAMES = ("satellites", "height_m", "cn0_dbhz", "antennas_deg", "compass_deg", "antennas_sigma_deg")
 _HEADINGS = {"THS": "antennas_deg", "HDT": "antennas_deg", "HDG": "compass_deg"}
 _KINDS = (b"GGA", b"RMC", b"GSV", b"THS", b"HDT", b"HDG")
 READ_BY = {
@@ -31,15 +30,15 @@ _BEST = 4  # satellites that a mean is of
 _LONGEST = 1 << 12  # bytes without a line break that are held back
 
 
-class ReceiverTold:
+class NmeaTold:
     """Sentences in, readings out: one for each GGA, one for each heading of an epoch.
 
     Args:
         near: A time within half a day of the first sentence, s since 1970.
-        wanted: Which of `NAMES`.
+        wanted: Which of `names.TOLD`.
     """
 
-    def __init__(self, near: float, wanted: Iterable[str] = NAMES) -> None:
+    def __init__(self, near: float, wanted: Iterable[str] = TOLD) -> None:
         self._near, self._wanted = near, frozenset(wanted)
         self._held = b""
         self._strengths: list[float] = []
@@ -106,11 +105,6 @@ class ReceiverTold:
         values["cn0_dbhz"] = sum(strengths) / len(strengths) if strengths else None
         told = {k: v for k, v in values.items() if k in self._wanted and v is not None}
         return [SensorReading(time, told)] if told else []
-
-
-def wanted(columns: Iterable[str]) -> frozenset[str]:
-    """Which of `NAMES` are among the columns that a caller gave readers to keep."""
-    return frozenset(name.removeprefix(SENSED) for name in columns) & frozenset(NAMES)
 
 
 def _number(text: str) -> float | None:
