@@ -137,6 +137,7 @@ def test_speeds_courses_and_stamps_are_read_as_of_a_trip_alone(roads, fleet):
     more = more.append_column("speed_kmh", pa.array(np.full(n, 43.0)))
     more = more.append_column("course", pa.array(np.full(n, 90.0)))
     more = more.append_column("hdop", pa.array(np.linspace(0.5, 2.0, n)))
+    more = more.append_column("fix_quality", pa.array(1 + np.arange(n) % 6))
     many = match_many(more, roads)
     for i in range(7):
         one = whichroad.match(more.slice(32 * i, 32), roads).to_arrow()

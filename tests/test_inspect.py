@@ -103,6 +103,15 @@ def test_sigmas_are_given_with_their_source(track, tmp_path):
     )
 
 
+def test_sigmas_by_the_kind_of_fix_are_told_from_the_others(track, tmp_path):
+    quality = np.where(np.arange(N) < 20, 4, 1)
+    track.assign(hdop=1.0, fix_quality=quality).to_csv(tmp_path / "in.csv", index=False)
+    drive = rows_of(inspect_files([tmp_path / "in.csv"]), "drive in")
+    kind = "by the kind of fix (RTK, differential, dead reckoning)"
+    assert drive["sigma of 20 fixes"] == f"0.03 m, HDOP times 4 m, {kind}"
+    assert drive[f"sigma of {N - 20} fixes"] == "4 m, HDOP times 4 m"
+
+
 def test_what_is_skipped_and_noted_is_said(track, tmp_path):
     table = track.assign(yaw_rate=0.0)
     table.loc[3, "lat"] = 200.0

@@ -149,8 +149,8 @@ class Settings:
         7e-4, 0, 0.1, "", "P(none of what the model knows), measured on roads 8 m apart"
     )
 
-    default_sigma_m: float = _number(5.0, 0.01, 500, "m", "sigma of fixes that report none")
-    user_range_error_m: float = _number(4.0, 0.1, 100, "m", "sigma per HDOP where there is no GST")
+    default_sigma_m: float = _number(5.0, 0.01, 500, "m", "sigma of single fixes that report none")
+    user_range_error_m: float = _number(4.0, 0.1, 100, "m", "sigma per HDOP of single fixes")
     outage_after_s: float = _number(
         3.0, 0.1, 1e4, "s", "time without a fix until the status is outage"
     )

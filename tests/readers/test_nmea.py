@@ -8,7 +8,7 @@ from pynmeagps import NMEAReader
 
 from whichroad.errors import ReadError
 from whichroad.evidence.sensed import columns_of
-from whichroad.observations import ASSUMED, FROM_HDOP, NO_CORRELATION
+from whichroad.observations import ASSUMED, FROM_HDOP, FROM_QUALITY, NO_CORRELATION
 from whichroad.readers import NmeaParser, read_drive
 from whichroad.readers.reported_fixes import as_records, from_gst
 from whichroad.sensors import DualAntenna
@@ -172,6 +172,64 @@ def test_without_gst_and_hdop_the_default_is_taken_and_flagged(nmea, read):
     fixes = read(nmea.burst(gst=None, hdop="")).fixes
     assert fixes.cov_ee[0] == Settings().default_sigma_m ** 2
     assert fixes.flags[0] == ASSUMED
+
+
+def gns(nmea, modes, hdop="0.8", clock="080000.00"):
+    """A GNS of one epoch, with its date."""
+    place = f"{nmea.angle(49.4, 2, 'NS')},{nmea.angle(8.7, 3, 'EW')}"
+    body = f"GNGNS,{clock},{place},{modes},19,{hdop},52.0,45.0,,,V"
+    return nmea.sealed(body) + nmea.sealed(f"GNZDA,{clock[:6]},01,06,2026,00,00")
+
+
+KINDS_OF_FIXES = [(4, "RNNN", 0.03), (5, "FFNN", 0.4), (2, "DAN", 2.0), (1, "AAAA", 4.0),
+                  (6, "EE", 10.0), (8, "S", 4.0)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("quality", "modes", "error"), KINDS_OF_FIXES)
+def test_the_kind_of_fix_decides_where_no_error_is_reported(nmea, read, quality, modes, error):
+    for content in (nmea.burst(gst=None, quality=quality, hdop="0.8"), gns(nmea, modes)):
+        fixes = read(content).fixes
+        sigma = 0.8 * error
+        assert [fixes.cov_ee[0], fixes.cov_en[0], fixes.cov_nn[0]] == pytest.approx(
+            [sigma**2, 0, sigma**2]
+        )
+        assert fixes.flags[0] == FROM_HDOP | (FROM_QUALITY if error != 4.0 else 0)
+        parser = NmeaParser()
+        (live,) = parser.feed(content) + parser.flush()
+        assert [live.cov_ee, live.cov_nn] == [fixes.cov_ee[0], fixes.cov_nn[0]]
+
+
+def test_a_reported_error_comes_before_the_kind_of_fix(nmea, read):
+    fixes = read(nmea.burst(gst="0.9,0.7,30.0,0.8,0.8", quality=4)).fixes
+    assert [fixes.cov_ee[0], fixes.cov_nn[0]] == pytest.approx([0.64, 0.64])
+    assert not fixes.flags[0] & FROM_QUALITY
+
+
+def test_a_kind_of_fix_without_a_hdop_is_a_part_of_the_default(nmea, read):
+    fixes = read(nmea.burst(gst=None, hdop="", quality=5)).fixes
+    assert fixes.cov_ee[0] == pytest.approx((0.1 * Settings().default_sigma_m) ** 2)
+    assert fixes.flags[0] == ASSUMED | FROM_QUALITY
+
+
+def test_the_settings_scale_all_kinds_of_fixes_but_none_falls_below_a_centimetre(nmea, put):
+    for scale, quality, sigma in ((8.0, 5, 0.8), (0.4, 4, 0.01), (0.4, 2, 0.2)):
+        path = put("log.nmea", nmea.burst(gst=None, quality=quality, hdop="1.0"))
+        (drive,) = read_drive(path, settings=Settings(user_range_error_m=scale))
+        assert np.sqrt(drive.fixes.cov_ee) == pytest.approx(sigma)
+
+
+def test_a_log_of_gns_alone_is_read_and_modes_without_a_fix_are_left_out(nmea, read):
+    clocks = [f"08000{k}.00" for k in range(4)]
+    modes = ["AA", "NN", "NNNNNR", "AN"]
+    drive = read(b"".join(gns(nmea, m, clock=c) for m, c in zip(modes, clocks, strict=True)))
+    assert np.diff(drive.fixes.time).tolist() == [2.0, 1.0]
+    assert drive.skipped == {"epoch without a fix": 1}
+    assert np.sqrt(drive.fixes.cov_ee) == pytest.approx([3.2, 0.024, 3.2])
+
+
+def test_a_gga_comes_before_a_gns_of_its_epoch(nmea, read):
+    both = nmea.burst(gst=None, quality=4) + gns(nmea, "AAAA")
+    assert np.sqrt(read(both).fixes.cov_ee) == pytest.approx([0.9 * 0.03])
 
 
 def test_the_date_rolls_over_at_midnight(nmea, read):

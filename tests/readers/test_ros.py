@@ -14,6 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 from whichroad.errors import ReadError
 from whichroad.observations import ASSUMED, Odometer, SpeedYawRate
 from whichroad.readers import read_drive
+from whichroad.settings import Settings
 
 START = 1_780_315_200.0
 KINDS = ("bag", "db3", "folder", "mcap")
@@ -121,6 +122,15 @@ def test_messages_without_a_fix_are_counted_and_unknown_covariances_assumed(bag)
     assert len(drive.fixes) == 4
     assert drive.fixes.flags.tolist() == [0, 0, 0, ASSUMED]
     assert drive.skipped == {"message without a fix": 1}
+
+
+def test_the_status_of_a_fix_decides_where_its_covariance_is_unknown(bag):
+    for k, status in enumerate((0, 1, 2)):
+        bag.add("/gps/fix", "sensor_msgs/msg/NavSatFix", k, lat=49.4, lon=8.7, cov_kind=0,
+                status=status)  # fmt: skip
+    (drive,) = read_drive(bag.write("bag"))
+    usual = Settings().default_sigma_m
+    assert np.sqrt(drive.fixes.cov_ee) == pytest.approx([usual, 0.5 * usual, 0.1 * usual])
 
 
 def test_a_twist_of_the_vehicle_takes_its_turns_from_the_imu(bag):

@@ -19,6 +19,7 @@ from whichroad.errors import ReadError, SettingError
 from whichroad.observations import (
     ASSUMED,
     FROM_HDOP,
+    FROM_QUALITY,
     Odometer,
     SpeedYawRate,
     WheelCounts,
@@ -218,6 +219,25 @@ def test_an_accuracy_that_is_none_is_replaced_flagged_and_counted(name: str, unk
 def test_an_accuracy_that_is_none_leaves_the_word_to_the_hdop():
     drive = one(table(accuracy=[3.0, 0.0, 3.0, 0.0, 3.0], hdop=[1.0] * N))
     assert drive.fixes.flags.tolist() == [0, FROM_HDOP, 0, FROM_HDOP, 0]
+
+
+def test_a_quality_of_gga_decides_where_no_error_is_reported(sound):
+    drive = one(table(fix_quality=[4, 5, 1, 0, 9], sigma_m=[np.nan, np.nan, np.nan, 1.0, 1.0]))
+    sound(drive)
+    assert drive.skipped == {"no fix by its quality, 0": 1}
+    usual = Settings().default_sigma_m
+    expected = [0.0075 * usual, 0.1 * usual, usual, 1.0]
+    assert np.sqrt(drive.fixes.cov_ee) == pytest.approx(expected)
+    rough = ASSUMED | FROM_QUALITY
+    assert drive.fixes.flags.tolist() == [rough, rough, ASSUMED, 0]
+
+
+def test_numbers_that_differ_by_maker_are_no_quality_unless_the_caller_says_so():
+    columns = table(quality=[4] * N, fix_type=[4] * N)
+    assert (one(columns).fixes.flags == ASSUMED).all()
+    own = {"fix_quality": "quality"}
+    (named,) = drive_from_table(pd.DataFrame(columns), columns=own)
+    assert (named.fixes.flags == ASSUMED | FROM_QUALITY).all()
 
 
 @pytest.mark.parametrize("unknown", [99.0, 99.9, 99.99, np.float32(99.99)])

@@ -9,6 +9,7 @@ from ..geodesy.units import EARTH_RADIUS, KMH, KNOT, METRES_PER_DEGREE, MPH
 from ..observations import (
     ASSUMED,
     FROM_HDOP,
+    FROM_QUALITY,
     Array,
     Drive,
     Fixes,
@@ -109,11 +110,16 @@ def _of_fixes(fixes: Fixes, settings: Settings) -> list[tuple[str, str]]:
     rows = [("fixes", rate(fixes.time)), ("places", f"{area}; {_driven(lat, lon) / 1e3:,.1f} km")]
     sigma = np.sqrt(np.maximum(0.5 * (fixes.cov_ee + fixes.cov_nn), 0.0))
     n = len(fixes)
-    hdop, assumed = ((fixes.flags & bit) > 0 for bit in (FROM_HDOP, ASSUMED))
+    hdop, assumed, kind = ((fixes.flags & b) > 0 for b in (FROM_HDOP, ASSUMED, FROM_QUALITY))
+    by_hdop = f"HDOP times {settings.user_range_error_m:g} m"
+    default = f"the setting default_sigma_m, {settings.default_sigma_m:g} m"
+    by_kind = "by the kind of fix (RTK, differential, dead reckoning)"
     for which, source in (
         (~(hdop | assumed), "as reported"),
-        (hdop, f"HDOP times {settings.user_range_error_m:g} m"),
-        (assumed, f"none reported: the setting default_sigma_m, {settings.default_sigma_m:g} m"),
+        (hdop & ~kind, by_hdop),
+        (hdop & kind, f"{by_hdop}, {by_kind}"),
+        (assumed & ~kind, f"none reported: {default}"),
+        (assumed & kind, f"none reported: {default}, {by_kind}"),
     ):
         if which.any():
             share = "" if which.all() else f" of {which.sum():,} fixes"

@@ -86,6 +86,7 @@ def reported(columns: Columns, skipped: Skipped) -> Reported:
         cov_en=en,
         cov_nn=nn,
         hdop=columns.get("hdop"),
+        quality=columns.get("quality"),
         speed=columns.get("speed"),
         bearing_deg=columns.get("bearing"),
     )

@@ -26,7 +26,7 @@ _CONTENTS = (  # first bytes of each format
     ("geo", re.compile(rb"\A(SQLite format 3\x00|fgb\x03fgb|\x00\x00\x27\x0a)")),
     ("can", re.compile(rb"^\s*\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}(#|\s+\[)", re.MULTILINE)),
     ("can", re.compile(rb"\Atimestamp,arbitration_id,extended,remote,error,dlc,data")),
-    ("nmea", re.compile(rb"\$[A-Z]{2}(GGA|RMC|GST|ZDA|VTG|GLL|GSA|GSV),")),
+    ("nmea", re.compile(rb"\$[A-Z]{2}(GGA|GNS|RMC|GST|ZDA|VTG|GLL|GSA|GSV),")),
     ("ubx", re.compile(rb"\xb5\x62\x01\x07[\x54\x5c]\x00")),
     ("gpx", re.compile(rb"<gpx[\s>]")),
     ("kml", re.compile(rb"<kml[\s>]")),

@@ -119,6 +119,7 @@ NAMES: dict[str, dict[str, float]] = {
         "gps_accuracy location_accuracy horizontalaccuracy accuracymeters accuracy_meters acc"
     ),
     "hdop": _names("hdop gps_hdop horizontal_dilution_of_precision"),
+    "quality": _names("fix_quality gga_quality nmea_quality gps_qual gps_quality_indicator"),
     "speed": {**_speeds(_SPEEDS, f"{_SPEEDS} v spd"), **_names("speedmps")},
     "bearing": _names(
         "bearing_deg bearing heading_deg heading course_deg course course_over_ground cog "

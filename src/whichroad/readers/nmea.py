@@ -1,4 +1,4 @@
-"""NMEA 0183: one fix per epoch out of GGA, GST, RMC, VTG and ZDA of any talker.
+"""NMEA 0183: one fix per epoch out of GGA, GNS, GST, RMC, VTG and ZDA of any talker.
 
 One parser reads logs and receivers on line.  Sentences with one time of day are one
 epoch, in whatever order a burst has them; VTG has no time and belongs to the sentence
@@ -17,6 +17,7 @@ from ..observations import Array, Drive, Fixes, GeoFix
 from ..settings import Settings
 from ..wording import by_reason
 from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep
+from .fix_quality import NO_FIX
 from .names import told_of
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
 from .nmea_told import READ_BY, NmeaTold
@@ -28,6 +29,7 @@ _LONGEST_LINE = 1 << 12  # bytes without a line break that a stream may hold bac
 _LONGEST_BURST = 1000  # sentences with one time that a stream may hold back
 _DAY = 86_400_000  # ms
 _CLOCK_SET = 3600.0  # s, step back of time that means a newly set clock
+_PLACES = ("GGA", "GNS", "RMC")  # sentences with a position
 _SURE = 3  # bursts that must end alike before their end is known
 _NO_FIX = "epoch without a fix"
 _FOREIGN = "bytes outside NMEA sentences"
@@ -61,10 +63,10 @@ def read_nmea(file: Any, settings: Settings | None = None, columns: Iterable[str
         batches.append(scan(data[begin:end], parser.skipped, parser.others)[0])
         begin = end
     sentences = joined(batches)
-    if "GGA" not in sentences and "RMC" not in sentences:
+    if not any(kind in sentences for kind in _PLACES):
         seen = by_reason(parser.skipped + parser.others)
         raise ReadError(
-            f"{where}: no GGA or RMC sentence ({seen or 'nothing like NMEA'}); "
+            f"{where}: no GGA, GNS or RMC sentence ({seen or 'nothing like NMEA'}); "
             "an NMEA 0183 log was expected; is this the right file?"
         )
     fixes = parser.fixes(sentences)
@@ -296,13 +298,14 @@ def _report(sentences: Sentences, calendar: _Calendar, skipped: Skipped) -> Repo
     times = calendar.days(tod[begin], dates) * _DAY + tod[begin].astype(np.int64)
     times, epoch_of_run = np.unique(times, return_inverse=True)
 
+    counted = next((kind for kind in _PLACES if kind in sentences), "")
     table = np.full((len(COLUMNS), len(times)), np.nan)
     for name, kind in TYPES.items():
         values = sentences.values[name]
         column, row = np.nonzero(~np.isnan(values))
         epoch = epoch_of_run[runs[name]]
         table[np.array(kind.columns)[column], epoch[row]] = values[column, row]
-        if name == ("GGA" if "GGA" in sentences else "RMC"):
+        if name == counted:
             repeated = len(epoch) - len(np.unique(epoch))
             skipped.update({REPEATED: repeated} if repeated else {})
     return _reported(
@@ -314,11 +317,11 @@ _DATE = COLUMNS.index("day")
 
 
 def _reported(time: Array, reported: dict[str, Array], late: Bools, skipped: Skipped) -> Reported:
-    """The epochs with a fix: RMC's position where GGA gives none, GST's covariance."""
+    """The epochs with a fix: RMC's position where GGA and GNS give none, GST's covariance."""
     from_gga = ~np.isnan(reported["quality"])
     lat = np.where(from_gga, reported["lat"], reported["rmc_lat"])
     lon = np.where(from_gga, reported["lon"], reported["rmc_lon"])
-    fix: Bools = ~(np.isnan(lat) | np.isnan(lon)) & ~(reported["quality"] == 0)
+    fix: Bools = ~(np.isnan(lat) | np.isnan(lon)) & ~(reported["quality"] == NO_FIX)
     keep(fix, _NO_FIX, skipped)
     if disordered := int(np.count_nonzero(late[fix])):
         skipped[BACKWARDS] += disordered
@@ -335,6 +338,7 @@ def _reported(time: Array, reported: dict[str, Array], late: Bools, skipped: Ski
         cov_nn=cov_nn,
         no_correlation=no_correlation,
         hdop=reported["hdop"],
+        quality=reported["quality"],
         speed=speed,
         bearing_deg=reported["course"],
     ).rows(np.flatnonzero(fix))

@@ -17,6 +17,7 @@ from ..nmea_frame import checksum
 from ..observations import Array
 from .checks import NO_TIME, Bools, Ints, Skipped, keep
 from .dates import day_of
+from .fix_quality import quality_of_modes
 from .parsing import Bytes, decimal, hexadecimal
 
 LONGEST = 1024  # bytes from $ to checksum; the standard allows 82, some receivers exceed it
@@ -28,7 +29,7 @@ SHORT = "too few fields"
 
 # What the sentences report: rows of a table of epochs.
 COLUMNS = (
-    *("lat", "lon", "quality", "hdop"),  # GGA
+    *("lat", "lon", "quality", "hdop"),  # GGA, GNS
     *("rmc_lat", "rmc_lon", "speed", "course", "day", "valid"),  # RMC; VTG, ZDA have some
     *("major", "minor", "orientation", "sigma_lat", "sigma_lon"),  # GST
 )
@@ -41,7 +42,7 @@ class _Type:
     code: int  # its three letters as one number
     fewest: int  # fields that it must have
     numbers: tuple[int, ...]  # fields that are numbers, the time of day first
-    letters: tuple[int, ...]  # fields of which the first letter is read
+    letters: tuple[int, ...]  # fields of which a letter is read: the first, then the second ...
     columns: tuple[int, ...]  # what it reports, as rows of `COLUMNS`
     timed: bool = True
 
@@ -59,6 +60,7 @@ def _type(
     return _Type(code, fewest, tuple(numbers), tuple(letters), indices, timed)
 
 
+_SYSTEMS = 6  # of satellites, each of which has a mode in GNS
 # Later types overwrite: GGA's position is the finer one, RMC's date and speed the surer.
 TYPES = {
     "ZDA": _type("ZDA", 5, (1, 2, 3, 4), (), "day"),
@@ -66,6 +68,7 @@ TYPES = {
     "RMC": _type(
         "RMC", 10, (1, 3, 5, 7, 8, 9), (2, 4, 6), "rmc_lat rmc_lon speed course day valid"
     ),
+    "GNS": _type("GNS", 9, (1, 2, 4, 8), (3, 5, *[6] * _SYSTEMS), "lat lon quality hdop"),
     "GGA": _type("GGA", 9, (1, 2, 4, 6, 8), (3, 5), "lat lon quality hdop"),
     "GST": _type("GST", 9, (1, 3, 4, 5, 6, 7), (), "major minor orientation sigma_lat sigma_lon"),
 }
@@ -269,9 +272,14 @@ class _Fields:
         return self.commas[comma - 1] + 1, np.minimum(self.commas[comma], self.star[rows])
 
     def letters(self, rows: Ints, numbers: tuple[int, ...]) -> Bytes:
-        """First letters of those fields, 0 where a field is empty, shape (fields, rows)."""
+        """Letters of those fields, 0 where a field is shorter, shape (fields, rows).
+
+        A field that is named again gives its next letter.
+        """
         begin, end = self.spans(rows, numbers)
-        return np.where(end > begin, self.text[begin], 0).astype(np.uint8)
+        begin += np.array([numbers[:k].count(n) for k, n in enumerate(numbers)], np.int64)[:, None]
+        at = np.minimum(begin, len(self.text) - 1)
+        return np.where(end > begin, self.text[at], 0).astype(np.uint8)
 
 
 # What the fields mean: numbers (fields, n), letters (fields, n), and which of the n
@@ -307,6 +315,11 @@ def _gga(numbers: Array, letters: Bytes, bad: Bools) -> Array:
     return np.concatenate([_place(numbers[1:3], letters, bad), numbers[3:]])
 
 
+def _gns(numbers: Array, letters: Bytes, bad: Bools) -> Array:
+    place = _place(numbers[1:3], letters[:2], bad)
+    return np.vstack([place, quality_of_modes(letters[2:]), numbers[3:]])
+
+
 def _rmc(numbers: Array, letters: Bytes, bad: Bools) -> Array:
     valid = letters[0] == ord("A")
     place = _place(numbers[1:3], letters[1:], bad)
@@ -329,7 +342,7 @@ def _zda(numbers: Array, letters: Bytes, bad: Bools) -> Array:
     return day_of(numbers[3], numbers[2], numbers[1])[None]
 
 
-_MEANING = {"GGA": _gga, "RMC": _rmc, "GST": _gst, "VTG": _vtg, "ZDA": _zda}
+_MEANING = {"GGA": _gga, "GNS": _gns, "RMC": _rmc, "GST": _gst, "VTG": _vtg, "ZDA": _zda}
 
 
 def _day(date: Array) -> Array:

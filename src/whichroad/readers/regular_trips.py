@@ -19,6 +19,7 @@ from .checks import LAST, Bools, Ints, Skipped
 from .clock_change import clock_back
 from .dates import Writing, tick_of
 from .drive_columns import Columns, reported
+from .fix_quality import NO_FIX
 from .names import Column, find, normal
 from .reported_fixes import completed, is_place, says_no_hdop
 from .table_units import Units
@@ -88,6 +89,8 @@ def batched_fixes(
         good &= back == 0.0
     if "hdop" in columns:
         good &= ~says_no_hdop(columns["hdop"])
+    if "quality" in columns:
+        good &= columns["quality"] != NO_FIX
     step = np.diff(time, prepend=-np.inf)
     later = step > 0.0
     later[first] = True

@@ -14,6 +14,7 @@ from ..geodesy.angles import degrees, radians, wrap_bearing
 from ..observations import (
     ASSUMED,
     FROM_HDOP,
+    FROM_QUALITY,
     MOVING,
     NO_CORRELATION,
     SIGMA_SPEED,
@@ -23,6 +24,7 @@ from ..observations import (
 )
 from ..settings import Settings
 from .checks import Bools, Skipped, in_order, keep
+from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
 
 # A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
 # two digits moves the ratio by up to a quarter.
@@ -31,6 +33,7 @@ RADIUS_68 = 1.515  # 68 % radius over the sigma per axis, for a round error
 _UNKNOWN_HDOP = (99.0, 99.9, 99.99)  # u-blox writes 99.99, others less digits
 _ROUNDED = 1e-4  # of numbers in single precision
 IMPOSSIBLE = "impossible position"
+WITHOUT_FIX = "no fix by its quality, 0"
 NO_HDOP = "HDOP of 99, 99.9 or 99.99 (taken as unknown)"
 NO_SPEED = "negative receiver speed (ignored)"
 NO_COURSE = "course of -1 (ignored)"
@@ -50,6 +53,7 @@ class Reported:
     cov_nn: Array | None = None
     no_correlation: Bools | None = None  # the reported ellipse was not credible
     hdop: Array | None = None
+    quality: Array | None = None  # as of GGA
     speed: Array | None = None  # m/s
     sigma_speed: Array | None = None
     bearing_deg: Array | None = None
@@ -108,9 +112,9 @@ def from_gst(
 def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixes:
     """Check, order and complete what a log reported.
 
-    Impossible places are skipped, late rows put in order, repeated times dropped, all
-    counted.  A fix without covariance gets HDOP times the range error, or the
-    settings' default, and a flag for it.
+    Impossible places and places without a fix are skipped, late rows put in order,
+    repeated times dropped, all counted.  A fix without covariance gets HDOP times the range
+    error, or the settings' default, both by its quality, and a flag for it.
 
     Args:
         reported: The rows that carry a position.
@@ -120,6 +124,8 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
     lat, lon = reported.lat_deg, reported.lon_deg
     possible = np.isfinite(reported.time) & is_place(lat, lon)
     r = reported.rows(np.flatnonzero(keep(possible, IMPOSSIBLE, skipped)))
+    if r.quality is not None:
+        r = r.rows(np.flatnonzero(keep(r.quality != NO_FIX, WITHOUT_FIX, skipped)))
     return completed(r.rows(in_order(r.time, skipped)), settings, skipped)
 
 
@@ -172,6 +178,10 @@ def _covariance(
     by_hdop &= keep(~(by_hdop & says_no_hdop(hdop)), NO_HDOP, skipped)
     sigma = np.where(by_hdop, hdop * settings.user_range_error_m, settings.default_sigma_m)
     flags = np.where(good, 0, np.where(by_hdop, FROM_HDOP, ASSUMED)).astype(np.uint8)
+    if r.quality is not None:
+        ratio = error_ratios(r.quality)
+        sigma = np.where(ratio == 1.0, sigma, np.maximum(ratio * sigma, LEAST_SIGMA))
+        flags |= np.where(~good & (ratio != 1.0), FROM_QUALITY, 0).astype(np.uint8)
     if r.no_correlation is not None:
         flags |= np.where(good & r.no_correlation, NO_CORRELATION, 0).astype(np.uint8)
     ee, nn = np.where(good, ee, sigma**2), np.where(good, nn, sigma**2)

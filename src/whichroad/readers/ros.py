@@ -18,6 +18,7 @@ from ..observations import Array, Drive, Fixes, OdometryLog
 from ..wording import by_reason
 from .checks import NO_TIME, Skipped, keep
 from .drive_columns import nearby, odometer_from_speed, speed_yaw_rate
+from .fix_quality import DIFFERENTIAL, FLOAT, SINGLE
 from .reading import Reading
 from .reported_fixes import Reported, make_fixes
 
@@ -28,6 +29,9 @@ _TWISTS = ("TwistStamped", "TwistWithCovarianceStamped")
 _WANTED = (_FIX, _ODOMETRY, _IMU, *_TWISTS)
 _LOCATION = "foxglove.LocationFix"
 _KNOWN_COVARIANCE = 1  # of NavSatFix: approximated, diagonal or full from here on
+# By NavSatFix's status: single, satellite- and ground-based corrections; the last are fixed or
+# float, which no status tells.
+_QUALITIES = {0: SINGLE, 1: DIFFERENTIAL, 2: FLOAT}
 _ASIDE = 0.5  # m/s across, from which a twist is in east and north and not in the vehicle
 _NO_FIX = "message without a fix"
 
@@ -119,7 +123,7 @@ def _row(kind: str, message: Any, logged: float) -> tuple[float, ...] | None:
         cov = message.position_covariance
         known = message.position_covariance_type >= _KNOWN_COVARIANCE
         ee, en, nn = (float(cov[k]) for k in (0, 1, 4)) if known else (np.nan,) * 3
-        return time, message.latitude, message.longitude, ee, en, nn
+        return time, message.latitude, message.longitude, ee, en, nn, message.status.status
     if kind == _IMU:
         return time, message.angular_velocity.z
     twist = message.twist
@@ -162,7 +166,7 @@ def _location(fix: dict[str, Any], logged: int) -> tuple[float, ...] | None:
     lat, lon = fix.get("latitude"), fix.get("longitude")
     if lat is None or lon is None:
         return None
-    return time if time > 0.0 else 1e-9 * logged, float(lat), float(lon), ee, en, nn
+    return time if time > 0.0 else 1e-9 * logged, float(lat), float(lon), ee, en, nn, np.nan
 
 
 def _columns(topic: _Topic) -> Array:
@@ -204,10 +208,11 @@ def _fixes(
     if velocity is not None:
         east, north = (nearby(rows[0], velocity[0], velocity[k]) for k in (1, 2))
         speed, course = np.hypot(east, north), course_of(east, north)
-    ee, en, nn = rows[3:6]
+    ee, en, nn, status = rows[3:7]
+    quality = np.select([status == k for k in _QUALITIES], list(_QUALITIES.values()), np.nan)
     reported = Reported(
         rows[0], rows[1], rows[2], ee, np.where(np.isnan(en), 0.0, en), nn,
-        speed=speed, bearing_deg=course,
+        quality=quality, speed=speed, bearing_deg=course,
     )  # fmt: skip
     return make_fixes(reported, reading.settings, skipped)
 
