@@ -8,6 +8,7 @@ never a NaN.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from .errors import SettingError
 from .geodesy.angles import Array as Array
 from .geodesy.angles import degrees
+from .named_fields import Record, by_name
 
 FROM_HDOP = 1  # Fixes.flags: covariance from HDOP times the range error
 ASSUMED = 2  # covariance is the settings' default, nothing was reported
@@ -104,6 +106,7 @@ class WithGyro:
         return self.distance.time
 
 
+@by_name
 @dataclass(frozen=True, slots=True)
 class SensorReading:
     """One reading of a further sensor (`whichroad.sensors`).
@@ -136,9 +139,19 @@ class Drive:
     gyro: YawRates | None = None  # that stands beside no odometry
 
 
+# what receivers call their errors, and what takes them
+_ERRORS = ("sigma", "sigma_m", "accuracy", "hacc", "hdop", "quality", "fix_quality", "fix_type")
+_INSTEAD = "GeoFix.with_sigma(time, lat_deg, lon_deg, sigma_m) takes the fix's sigma in metres"
+
+
+def _fix_by_name(cls: Record) -> Record:
+    return by_name(cls, dict.fromkeys(_ERRORS, _INSTEAD))
+
+
+@_fix_by_name
 @dataclass(frozen=True, slots=True)
 class GeoFix:
-    """One GNSS fix for the on-line filter.
+    """One GNSS fix for the on-line filter; `with_sigma` makes one of a sigma in metres.
 
     A speed or course without a sigma gets that of tables: 0.3 m/s, and the angle that this is of
     the speed.  Below 1 m/s, or without a speed, a course without a sigma is not used.  To
@@ -170,6 +183,31 @@ class GeoFix:
     bearing_deg: float = None  # type: ignore[assignment]
     sigma_bearing_deg: float = None  # type: ignore[assignment]
 
+    @classmethod
+    def with_sigma(
+        cls, time: float, lat_deg: float, lon_deg: float, sigma_m: float, **others: float
+    ) -> "GeoFix":
+        """A fix with the same sigma in all directions.
+
+        Receivers differ in what they report: a 68 % radius is 1.5 sigma, a 95 % one 2.45.
+
+        Args:
+            time: s since 1970 UTC.
+            lat_deg: WGS 84 latitude of the antenna, degrees.
+            lon_deg: WGS 84 longitude of the antenna, degrees.
+            sigma_m: Sigma of each axis, m.
+            others: Speed and course, and their sigmas, by the names of the fields.
+
+        Raises:
+            SettingError: The sigma is not more than 0, or another name is no field.
+        """
+        if not (isinstance(sigma_m, Real) and sigma_m > 0.0):
+            raise SettingError(
+                f"GeoFix: sigma_m is {sigma_m!r}; metres, more than 0, were expected; leave it out "
+                "where it is not known: GeoFix(time, lat_deg, lon_deg)"
+            )
+        return cls(time, lat_deg, lon_deg, cov_ee=sigma_m**2, cov_nn=sigma_m**2, **others)
+
     def __post_init__(self) -> None:
         speed, bearing = self.speed, self.bearing_deg
         if self.sigma_speed is None:
@@ -192,6 +230,7 @@ class GeoFix:
         return np.inf
 
 
+@by_name
 @dataclass(frozen=True, slots=True)
 class WheelTicks:
     """One reading of both rear wheel counters.
@@ -208,6 +247,7 @@ class WheelTicks:
     right: float
 
 
+@by_name
 @dataclass(frozen=True, slots=True)
 class WheelSpeed:
     """One reading of both rear wheel speeds.
@@ -223,6 +263,7 @@ class WheelSpeed:
     right: float
 
 
+@by_name
 @dataclass(frozen=True, slots=True)
 class Distance:
     """One reading of a cumulative odometer.
@@ -236,6 +277,7 @@ class Distance:
     distance: float
 
 
+@by_name
 @dataclass(frozen=True, slots=True)
 class SpeedYaw:
     """One reading of speed and yaw rate.
@@ -251,6 +293,7 @@ class SpeedYaw:
     yaw_rate: float
 
 
+@by_name
 @dataclass(frozen=True, slots=True)
 class YawRate:
     """One reading of a gyro, beside an odometer.
@@ -267,6 +310,7 @@ class YawRate:
 Observation = GeoFix | WheelTicks | WheelSpeed | Distance | SpeedYaw | YawRate | SensorReading
 
 
+@by_name
 @dataclass(frozen=True, slots=True)
 class StartPose:
     """A known pose to start from: of M, the middle of the rear axle.

@@ -5,17 +5,15 @@
 the rest was measured on simulated and real drives (docs/model.md, section 7).
 """
 
-import difflib
 import json
-from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
-from functools import wraps
 from operator import attrgetter
-from typing import Any, TypeVar
+from typing import Any
 
 from ._compile import Records
 from .errors import SettingError
 from .filter.state import PARAMETERS, new_parameters
+from .named_fields import by_name
 
 _OF_THE_DRIVE = ("lever", "side", "mode", "paper")
 _NAMES = tuple(name for name in PARAMETERS.names or () if name not in _OF_THE_DRIVE)
@@ -23,45 +21,11 @@ _SUFFIXED = {"outage_after": "outage_after_s"}
 _read = attrgetter(*(_SUFFIXED.get(name, name) for name in _NAMES))
 
 
-Record = TypeVar("Record", bound=type)
-
-
-def likely_names(name: str, known: Iterable[str]) -> str:
-    """What to do about a name that is not known: the closest ones, or to remove it."""
-    close = difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)
-    return f"did you mean {' or '.join(close)}?" if close else "remove it"
-
-
-def _by_name(cls: Record) -> Record:
-    """A record of fields by name, which refuses what is none of them, or of another kind."""
-    make: Any = vars(cls)["__init__"]
-
-    @wraps(make)
-    def checked(self: Any, *unnamed: Any, **given: Any) -> None:
-        known = [f.name for f in fields(cls)]
-        for name in given.keys() - set(known):
-            raise SettingError(
-                f"{cls.__name__}: {name} is no field of it; its fields by name were expected; "
-                f"{likely_names(name, known)}"
-            )
-        try:
-            make(self, *unnamed, **given)
-        except TypeError:
-            seen = ", ".join([*map(repr, unnamed), *(f"{k}={v!r}" for k, v in given.items())])
-            raise SettingError(
-                f"{cls.__name__}: {seen} was given; its fields by name, each of its kind, were "
-                f"expected; see help(whichroad.{cls.__name__})"
-            ) from None
-
-    type.__setattr__(cls, "__init__", checked)
-    return cls
-
-
 def _number(default: float, low: float, high: float, unit: str, why: str) -> Any:
     return field(default=default, metadata={"low": low, "high": high, "unit": unit, "why": why})
 
 
-@_by_name
+@by_name
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """The model's numbers.  The defaults serve cars on OpenStreetMap roads."""
@@ -173,7 +137,7 @@ class Settings:
                 )
 
 
-@_by_name
+@by_name
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vehicle:
     """One car: wheels, antenna, clocks, signals; `vehicle.toml` in Python."""

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import ReadError, SettingError
-from ..settings import Settings, Vehicle, likely_names
+from ..named_fields import likely_names
+from ..settings import Settings, Vehicle
 from .checks import read_bytes
 
 ROLES = {  # role of a CAN signal -> what it is
