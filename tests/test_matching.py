@@ -77,7 +77,7 @@ def test_observations_of_wheels_are_odometry_and_what_cannot_be_is_counted(fixes
     result = whichroad.match([*seen, *wheels, *wrong], roads)
     assert result.summary["epochs"] == 10 * N
     assert result.summary["fixes"] == N
-    skipped = {"wheel speed beyond 90 m/s": 1, "impossible position": 1}
+    skipped = {"missing wheel speed": 1, "impossible position": 1}
     assert result.summary["skipped"] == skipped
     with pytest.raises(ReadError, match=r"Distance, WheelSpeed together; one kind"):
         whichroad.match([*seen, *wheels, Distance(1.6e9, 0.0)], roads)

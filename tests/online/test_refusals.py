@@ -19,8 +19,8 @@ from whichroad.observations import (
     WheelTicks,
 )
 from whichroad.online import Localizer
-from whichroad.readers.reported_fixes import NOT_A_COVARIANCE
 from whichroad.recorded import localize_recorded
+from whichroad.sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE
 from whichroad.settings import Settings, to_toml
 
 
@@ -125,6 +125,8 @@ def test_readings_that_were_late_before_it_was_taken_back_begin_nothing_anew():
         ({"time": math.inf}, "no time"),
         ({"cov_ee": math.nan, "cov_nn": 1.0}, NOT_A_COVARIANCE),
         ({"cov_ee": 1.0, "cov_nn": 1.0, "cov_en": 2.0}, NOT_A_COVARIANCE),
+        ({"cov_ee": 0.0, "cov_nn": 0.0}, NO_VARIANCE),
+        ({"cov_ee": -1.0, "cov_nn": 1.0}, NO_VARIANCE),
         ({"speed": math.nan, "sigma_speed": 0.3}, "impossible speed (not used)"),
         ({"speed": math.nan, "sigma_speed": None}, "impossible speed (not used)"),
         ({"speed": -1.0, "sigma_speed": None}, "impossible speed (not used)"),
@@ -145,7 +147,10 @@ def test_a_fix_that_cannot_be_is_counted_and_spoils_nothing(wrong, reason: str):
 @pytest.mark.parametrize(
     ("reading", "reason"),
     [
-        (WheelSpeed(10.2, math.nan, 10.0), "wheel speed beyond 90 m/s"),
+        (WheelSpeed(10.2, math.nan, 10.0), "missing wheel speed"),
+        (WheelSpeed(10.2, 10.0, math.nan), "missing wheel speed"),
+        (SpeedYaw(10.2, math.nan, 0.0), "missing speed"),
+        (SpeedYaw(10.2, 10.0, math.nan), "missing yaw rate"),
         (WheelSpeed(10.2, 1e9, 1e9), "wheel speed beyond 90 m/s"),
         (SpeedYaw(10.2, math.inf, 0.0), "speed beyond 90 m/s"),
         (SpeedYaw(10.2, 10.0, 1e9), "yaw rate beyond 10 rad/s"),

@@ -193,7 +193,10 @@ def test_a_covariance_that_is_not_one_is_replaced_flagged_and_counted(sound):
     assert drive.fixes.cov_ee.tolist() == [4, usual, usual, usual, usual]
     assert drive.fixes.cov_en.tolist() == [1, 0, 0, 0, 0]
     assert drive.fixes.flags.tolist() == [0] + [ASSUMED] * 4
-    assert drive.skipped == {"covariance not positive definite (settings' default used)": 4}
+    assert drive.skipped == {
+        "variance of 0 or less (settings' default used)": 2,
+        "covariance not positive definite (settings' default used)": 2,
+    }
 
 
 def test_ellipses_sigmas_and_accuracies_are_covariances():

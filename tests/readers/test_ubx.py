@@ -212,7 +212,7 @@ def test_epochs_without_a_fix_or_a_date_and_covariances_that_are_none_are_counte
     assert drive.skipped == {
         "epoch without a fix": 3,
         "epoch without a date": 1,
-        "covariance not positive definite (settings' default used)": 1,
+        "variance of 0 or less (settings' default used)": 1,
     }
 
 

@@ -22,6 +22,7 @@ from ..observations import (
     Fixes,
     GeoFix,
 )
+from ..sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE
 from ..settings import Settings
 from .checks import Bools, Skipped, in_order, keep
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
@@ -38,7 +39,6 @@ NO_HDOP = "HDOP of 99, 99.9 or 99.99 (taken as unknown)"
 NO_SPEED = "negative receiver speed (ignored)"
 NO_COURSE = "course of -1 (ignored)"
 NO_ACCURACY = "accuracy or sigma of 0 or less (settings' default used)"
-NOT_A_COVARIANCE = "covariance not positive definite (settings' default used)"
 
 
 @dataclass(slots=True)
@@ -173,7 +173,9 @@ def _covariance(
     given = ~(np.isnan(ee) & np.isnan(nn))
     with np.errstate(over="ignore", invalid="ignore"):
         good = (ee > 0) & (nn > 0) & (ee * nn > en * en) & np.isfinite(ee * nn)
-    keep(good | ~given, NOT_A_COVARIANCE, skipped)
+    none = given & ((ee <= 0) | (nn <= 0))
+    keep(~none, NO_VARIANCE, skipped)
+    keep(good | ~given | none, NOT_A_COVARIANCE, skipped)
     by_hdop = ~given & (hdop > 0) & np.isfinite(hdop)
     by_hdop &= keep(~(by_hdop & says_no_hdop(hdop)), NO_HDOP, skipped)
     sigma = np.where(by_hdop, hdop * settings.user_range_error_m, settings.default_sigma_m)

@@ -25,6 +25,8 @@ FASTEST = 90.0  # m/s, of a vehicle and of its wheels
 BACKS, UNSEEN = 8.0, 2.0  # m/s, at which nobody backs up for s without a reading: counts began anew
 SPINNING = 10.0  # rad/s
 LATEST = 253_402_300_800.0  # s, the year 10000: later times are milliseconds
+NO_VARIANCE = "variance of 0 or less (settings' default used)"
+NOT_A_COVARIANCE = "covariance not positive definite (settings' default used)"
 Skipped = dict[str, int]
 
 
@@ -107,7 +109,7 @@ def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
     ee, en, nn = fix.cov_ee, fix.cov_en, fix.cov_nn
     unsaid = ee == math.inf and nn == math.inf
     if not unsaid and not (0.0 < ee < math.inf and 0.0 < nn < math.inf and en * en < ee * nn):
-        _count("covariance not positive definite (settings' default used)", skipped)
+        _count(NO_VARIANCE if ee <= 0.0 or nn <= 0.0 else NOT_A_COVARIANCE, skipped)
         fix = replace(fix, cov_ee=math.inf, cov_en=0.0, cov_nn=math.inf)
     if fix.sigma_speed != math.inf and not (fix.sigma_speed > 0.0 and 0.0 <= fix.speed < 1e3):
         _count("impossible speed (not used)", skipped)
@@ -126,12 +128,18 @@ def _wrong(observation: WheelTicks | WheelSpeed | SpeedYaw | Distance | YawRate)
         if not (math.isfinite(observation.left) and math.isfinite(observation.right)):
             return "missing wheel count"
     elif isinstance(observation, WheelSpeed):
-        if not (abs(observation.left) <= FASTEST and abs(observation.right) <= FASTEST):
+        left, right = observation.left, observation.right
+        if math.isnan(left) or math.isnan(right):
+            return "missing wheel speed"
+        if abs(left) > FASTEST or abs(right) > FASTEST:
             return f"wheel speed beyond {FASTEST:g} m/s"
     elif isinstance(observation, SpeedYaw | YawRate):
-        if isinstance(observation, SpeedYaw) and not abs(observation.speed) <= FASTEST:
+        speed = observation.speed if isinstance(observation, SpeedYaw) else 0.0
+        if math.isnan(speed) or math.isnan(observation.yaw_rate):
+            return "missing speed" if math.isnan(speed) else "missing yaw rate"
+        if abs(speed) > FASTEST:
             return f"speed beyond {FASTEST:g} m/s"
-        if not abs(observation.yaw_rate) <= SPINNING:
+        if abs(observation.yaw_rate) > SPINNING:
             return f"yaw rate beyond {SPINNING:g} rad/s"
     elif not math.isfinite(observation.distance):
         return "no distance"
