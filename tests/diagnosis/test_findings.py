@@ -11,9 +11,10 @@ import whichroad
 from whichroad.diagnosis.finding import Finding
 from whichroad.diagnosis.findings import _chance, findings
 from whichroad.diagnosis.statistics import ConsistencyStatistics, Row
-from whichroad.observations import Array, Drive
+from whichroad.observations import Array, Drive, WheelTicks
+from whichroad.readers.reported_fixes import as_records
 from whichroad.settings import Settings, Vehicle
-from whichroad.simulate import draw_town, simulate_drive
+from whichroad.simulate import SimulationSettings, draw_town, simulate_drive
 
 FITS = Settings()
 CAR = Vehicle()
@@ -157,6 +158,46 @@ def test_fixes_judge_no_antenna_where_nothing_else_measures_turns():
     rows = drive(1, sigma=3.0, antenna=15.0 + 0.0j)
     rows[:, Row._fields.index("turn")] = 0.0
     assert found(rows) == {}
+
+
+RTK = SimulationSettings(
+    gnss_bias_low=0.015, gnss_bias_high=0.015, gnss_white=0.01, gnss_reported=0.02
+)  # m
+UNTOLD = "antenna: not told"
+
+
+@pytest.mark.parametrize("antenna", [0.0, 1.0])
+@pytest.mark.parametrize("sigma", [0.02, 2.7])
+def test_exact_fixes_without_an_antenna_are_worth_a_note_where_there_is_odometry(
+    town, sigma: float, antenna: float
+):
+    roads, _ = town
+    settings = replace(RTK, antenna_forward=antenna)
+    drive = simulate_drive(roads, seed=5, length_m=2000.0, scenario=settings).drive
+    square = np.full(len(drive.fixes), sigma**2)
+    fixes = replace(drive.fixes, cov_ee=square, cov_nn=square, cov_en=0.0 * square)
+    drive, car = replace(drive, fixes=fixes), Vehicle(antenna_forward=antenna)
+    notes = [UNTOLD] if sigma < 0.1 and not antenna else []
+    localizer = whichroad.Localizer(roads, vehicle=car)
+    log = drive.odometry
+    wheels = [WheelTicks(*row) for row in zip(log.time, log.left, log.right, strict=True)]
+    for one in sorted([*as_records(fixes), *wheels], key=lambda each: each.time):
+        localizer.update(one)
+    for found in (whichroad.match(drive, roads, vehicle=car).diagnosis, localizer.diagnosis):
+        assert [one.what for one in found] == notes
+        assert all(one.level == "information" for one in found)
+        assert all("the middle of the rear axle" in one.advice for one in found)
+
+
+def test_exact_fixes_alone_are_worth_no_note_on_the_antenna(town):
+    roads, _ = town
+    settings = replace(RTK, antenna_forward=0.0)
+    drive = simulate_drive(roads, seed=5, length_m=2000.0, scenario=settings).drive
+    localizer = whichroad.Localizer(roads)
+    for one in as_records(drive.fixes):
+        localizer.update(one)
+    assert localizer.diagnosis == ()
+    assert whichroad.match(replace(drive, odometry=None), roads).diagnosis == ()
 
 
 def test_a_map_farther_off_than_set_is_named():

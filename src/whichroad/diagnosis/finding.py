@@ -8,7 +8,7 @@ class Finding:
     """A setting, or a sensor, that does not fit the data."""
 
     what: str  # `gnss sigma`, `gnss_time`, `map_sigma`, `wheels: scale`, ...
-    level: str  # "warning": answers may be wrong; "information": they are only too careful
+    level: str  # "warning": answers may be wrong; "information": too careful, or a mere note
     statistic: float
     low: float  # where settings that fit are expected
     high: float

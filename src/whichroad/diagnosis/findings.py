@@ -28,6 +28,8 @@ _SCALE = 4.0  # largest scale and drift, in sigmas of the settings
 _GAIN = 0.035  # largest relative error of turns
 _LATE = 0.2  # s, largest offset between clocks
 _ANTENNA = 1.5  # m, largest error of the lever arm
+_PRECISE = 0.3  # m, reported sigma below which the place of the antenna matters
+_COARSEST = 500.0  # m, of the settings
 _SURE = 4.0  # significance of a measured offset, in sigmas
 _MAP = 1.1  # largest mean square map error over that of the settings
 
@@ -58,11 +60,14 @@ def findings(
     if withheld:
         return withheld
     turned = headings_finding(map_error, statistics.settings)
+    note = _untold_antenna(statistics)
     if statistics.moving < _LEAST:
-        return turned
+        return turned + note
     found = _wheels(statistics) or _shift(statistics)
     of_map = offset_finding(map_error) + turned
-    return tuple(found or of_map or _map(statistics) or _gnss(statistics))
+    if any(one.what == "antenna" for one in found):
+        note = ()
+    return (*(found or of_map or _map(statistics) or _gnss(statistics)), *note)
 
 
 def _wider(statistics: ConsistencyStatistics, band: float) -> float:
@@ -132,6 +137,22 @@ def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
             )
         )  # fmt: skip
     return found
+
+
+def _untold_antenna(statistics: ConsistencyStatistics) -> tuple[Finding, ...]:
+    """A note where fixes are so exact that the place of the antenna matters, and none is told."""
+    car = statistics.vehicle
+    told = car.antenna_forward != 0.0 or car.antenna_left != 0.0
+    if told or not statistics.moving or not statistics.counted or statistics.reported >= _PRECISE:
+        return ()
+    return (
+        Finding(
+            "antenna: not told", "information", statistics.reported, _PRECISE, _COARSEST,
+            "the fixes are so exact that the place of the antenna matters, which is taken to be "
+            "the middle of the rear axle; if it is elsewhere, set forward_m and left_m under "
+            "[antenna] in vehicle.toml (antenna_forward, antenna_left)",
+        ),
+    )  # fmt: skip
 
 
 def _map(statistics: ConsistencyStatistics) -> list[Finding]:

@@ -126,7 +126,8 @@ class ConsistencyStatistics:
         self._pairs = np.zeros((len(LAGS), 4))  # number, D, m driven over variance, lag
         self._turning = np.zeros(5)  # sums of turn², turn arc, arc², turn heading, arc heading
         self._shifting = np.zeros(7, complex)  # v²+, v+u, u²+, v+e, u+e, e²+; +: weighted; pairs
-        self._errors = np.zeros(3)  # fixes, scale², map error² over the setting's
+        # fixes, scale², map error² over the setting's, logarithms of reported variances
+        self._errors = np.zeros(4)
         self._metres = np.zeros(2)  # by the filter, by the odometer
 
     def accumulate(self, epoch: Sequence[float], estimate: Sequence[float]) -> None:
@@ -231,7 +232,8 @@ class ConsistencyStatistics:
                 self._add_shift(every, a, b, variance, seen < _MOST * expected)
         off = 0.5 * ((table.map_x - table.x) ** 2 + (table.map_y - table.y) ** 2)
         self._errors += [
-            len(reported), (table.scale**2).sum(), off.sum() / self.settings.map_sigma**2
+            len(reported), (table.scale**2).sum(), off.sum() / self.settings.map_sigma**2,
+            np.log(np.maximum(reported, 1e-12)).sum(),
         ]  # fmt: skip
         if len(every.moving):
             keep = every.moving >= every.moving[-1] - (_REACH * LAGS[-1] + 1.0)
@@ -274,6 +276,11 @@ class ConsistencyStatistics:
     def map_error(self) -> float:
         """Mean square of the map's error, as the filter estimates it, over that of the settings."""
         return float(self._errors[2] / self._errors[0])
+
+    @property
+    def reported(self) -> float:
+        """Geometric mean of the sigmas that fixes report, m."""
+        return math.exp(0.5 * float(self._errors[3] / self._errors[0]))
 
     @property
     def hidden(self) -> bool:
