@@ -107,7 +107,7 @@ def test_sigmas_by_the_kind_of_fix_are_told_from_the_others(track, tmp_path):
     quality = np.where(np.arange(N) < 20, 4, 1)
     track.assign(hdop=1.0, fix_quality=quality).to_csv(tmp_path / "in.csv", index=False)
     drive = rows_of(inspect_files([tmp_path / "in.csv"]), "drive in")
-    kind = "by the kind of fix (RTK, differential, dead reckoning)"
+    kind = "by the kind of fix (RTK, dead reckoning)"
     assert drive["sigma of 20 fixes"] == f"0.03 m, HDOP times 4 m, {kind}"
     assert drive[f"sigma of {N - 20} fixes"] == "4 m, HDOP times 4 m"
 

@@ -21,6 +21,7 @@ _SETTLED = 3.0  # s, after which a wrong stamp has no excuse
 _PLAIN = ("wheels", "odometer")
 _MOVED = ("wheels", "yaw", "odometer")
 _THREE = (*_PLAIN, "odometer and Doppler")
+_NO_TURNS = ("odometer", "odometer and Doppler", "Doppler", "fixes")
 
 Clock = Callable[[list[Heard], float], list[Heard]]  # of readings and the moment it goes wrong
 
@@ -154,8 +155,8 @@ SCENES: dict[str, list[Case]] = {
         Case("mapped", partial(scenes.side_street, mapped=True), _THREE),
     ],
     "gaps": [
-        Case("up to 3 m", scenes.gaps, _PLAIN),
-        Case("none", partial(scenes.gaps, cut=False), _PLAIN),
+        Case("up to 3 m", scenes.gaps, ("wheels", *_NO_TURNS)),
+        Case("none", partial(scenes.gaps, cut=False), ("wheels", *_NO_TURNS)),
     ],
     "reversing": [_reversing(80.0, 5.0), _reversing(290.0, 3.5), _reversing(0.0, 0.0)],
     "coarse": [
@@ -163,9 +164,12 @@ SCENES: dict[str, list[Case]] = {
         Case("3 m", _LONG, ("wheels",), of_sigma(3.0, 5.0)),
     ],
     "fine": [
-        Case("0.3 m", scenes.town, ("odometer",), of_sigma(0.3)),
-        Case("0.02 m", scenes.town, ("odometer", "Doppler"), of_sigma(0.02)),
-        Case("2 m", scenes.town, ("odometer", "Doppler")),
+        *(Case(f"{s:g} m", scenes.town, _NO_TURNS, of_sigma(s)) for s in (0.3, 0.02)),
+        *(
+            Case(f"0.3 m, {draw.__name__}", draw, _NO_TURNS, of_sigma(0.3))
+            for draw in (scenes.yard, scenes.u_turn, scenes.side_street, scenes.gaps)
+        ),
+        Case("2 m", scenes.town, _NO_TURNS),
     ],
     "minutes": [
         Case("a fix a minute", _LONG, ("wheels", "yaw"), Receiver(period=60.0)),

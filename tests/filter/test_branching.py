@@ -156,6 +156,17 @@ def test_without_a_road_ahead_what_passes_the_end_is_off_the_roads():
     assert edge_weights(belief) == pytest.approx({0: 0.5, OFF_ROAD: 0.5})
 
 
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
+def test_at_a_dead_end_who_is_fast_drives_on_and_who_is_slow_turns_round(mode: int):
+    roads = network([[[0.0, 0.0], [300.0, 0.0]]])
+    slow, fast = (at_speed(speed, mode, roads) for speed in (3.0, 14.0))
+    for p in (slow, fast):
+        assert sum(p.values()) == pytest.approx(1.0, abs=1e-6)
+    assert slow[1] > 0.9
+    assert slow[OFF_ROAD] > 0.02
+    assert fast[OFF_ROAD] > 0.3
+
+
 def test_a_vehicle_in_reverse_backs_into_the_edges_before_but_not_into_its_own_way_back():
     belief = belief_on(CROSS, [On(2, 1.0, sigma=1.0)])
     for _ in range(12):
@@ -189,14 +200,14 @@ def test_the_mass_on_the_successors_is_the_gaussian_s_beyond_the_end(sigma: floa
     assert masses == pytest.approx(expected)
 
 
-def at_speed(speed: float, mode: int) -> dict[int, float]:
-    """P of the edges behind a crossing that is passed at a speed (m/s), odometer off by 4."""
-    belief = belief_on(CROSS, [On(0, 310.0, sigma=0.5)])
+def at_speed(speed: float, mode: int, roads: Roads = CROSS) -> dict[int, float]:
+    """P of the edges behind an end that is passed at a speed (m/s), odometer off by 4."""
+    belief = belief_on(roads, [On(0, 310.0, sigma=0.5)])
     belief.state.mode[0] = mode
     belief.hyp["mu"][0, K] = speed if mode == CLOCK else 0.25
     belief.hyp["cov"][0, K, K] = 0.01
     belief.state.odometer_speed[0] = 4.0 * speed
-    pass_on(belief, CROSS)
+    pass_on(belief, roads)
     return edge_weights(belief)
 
 

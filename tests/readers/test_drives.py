@@ -148,13 +148,6 @@ def test_gpx_is_read_as_gpxpy_reads_it(put, sound):
     assert np.diff(np.sqrt(drive.fixes.cov_ee)) == pytest.approx(4.0)
 
 
-def test_differential_fixes_of_a_gpx_are_finer(put):
-    kinds = ("3d", "dgps", "2d")
-    content = gpx("".join(point(k, f"<hdop>1</hdop><fix>{f}</fix>") for k, f in enumerate(kinds)))
-    (drive,) = read_drive(put("a.gpx", content))
-    assert np.sqrt(drive.fixes.cov_ee) == pytest.approx([4.0, 2.0, 4.0])
-
-
 def test_gpx_points_without_place_or_time_are_counted(put, sound):
     bad = '<trkpt lat="x" lon="8"><time>2026-06-01T12:00:09Z</time></trkpt><trkpt lat="1" lon="2"/>'
     (drive,) = read_drive(put("a.gpx", gpx(point(0) + bad + point(2))))

@@ -181,7 +181,7 @@ def gns(nmea, modes, hdop="0.8", clock="080000.00"):
     return nmea.sealed(body) + nmea.sealed(f"GNZDA,{clock[:6]},01,06,2026,00,00")
 
 
-KINDS_OF_FIXES = [(4, "RNNN", 0.03), (5, "FFNN", 0.4), (2, "DAN", 2.0), (1, "AAAA", 4.0),
+KINDS_OF_FIXES = [(4, "RNNN", 0.03), (5, "FFNN", 0.4), (2, "DAN", 4.0), (1, "AAAA", 4.0),
                   (6, "EE", 10.0), (8, "S", 4.0)]  # fmt: skip
 
 
@@ -212,7 +212,7 @@ def test_a_kind_of_fix_without_a_hdop_is_a_part_of_the_default(nmea, read):
 
 
 def test_the_settings_scale_all_kinds_of_fixes_but_none_falls_below_a_centimetre(nmea, put):
-    for scale, quality, sigma in ((8.0, 5, 0.8), (0.4, 4, 0.01), (0.4, 2, 0.2)):
+    for scale, quality, sigma in ((8.0, 5, 0.8), (0.4, 4, 0.01), (0.4, 2, 0.4)):
         path = put("log.nmea", nmea.burst(gst=None, quality=quality, hdop="1.0"))
         (drive,) = read_drive(path, settings=Settings(user_range_error_m=scale))
         assert np.sqrt(drive.fixes.cov_ee) == pytest.approx(sigma)

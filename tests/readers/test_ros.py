@@ -130,7 +130,7 @@ def test_the_status_of_a_fix_decides_where_its_covariance_is_unknown(bag):
                 status=status)  # fmt: skip
     (drive,) = read_drive(bag.write("bag"))
     usual = Settings().default_sigma_m
-    assert np.sqrt(drive.fixes.cov_ee) == pytest.approx([usual, 0.5 * usual, 0.1 * usual])
+    assert np.sqrt(drive.fixes.cov_ee) == pytest.approx([usual, usual, 0.1 * usual])
 
 
 def test_a_twist_of_the_vehicle_takes_its_turns_from_the_imu(bag):

@@ -17,7 +17,7 @@ from .hypotheses.branching import (
     run_on,
     share_beyond,
 )
-from .motion import Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
+from .motion import ACROSS, Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
 from .state import (
     MX,
@@ -40,7 +40,6 @@ from .state import (
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
 CORNER_SIGMA = 3.0  # m/rad, of the distance driven in a corner
-ACROSS = 0.015  # m²/m across the road; vehicles do not follow the map's line exactly
 _FULL_TURN = 1.6  # rad, cap of a corner
 _FORWARD_EVERY = 0.95  # s between truncations of the speed
 _REVERSE = -0.5  # m/s, lowest speed without odometry

@@ -20,6 +20,7 @@ _RATE_NOISE = 1e-10  # 1/m, random walk of an odometer's scale (variance)
 _SPEED_JITTER = 0.01  # m²/s along the road beside the speed's random walk
 _LEAST_RATE = 0.5  # κ or m/s, below which a road's turn is not told by it
 _BLIND_TURN = 0.09  # rad²/s, random walk of the heading off the roads without odometry,
+ACROSS = 0.015  # m²/m across the way; vehicles follow no line exactly
 _STRAIGHT, _TURNING = 0.0025, 0.02  # rad²/m, and with an odometer; where courses were heard
 _PIECE, _MOST_PIECES = 6.0, 10_000  # m, longest piece of an arc; of an arc
 _UNMEASURED = 0.04  # squared error of extrapolated motion, relative
@@ -127,7 +128,9 @@ def extrapolated(noise: Noise, before: float, metres: float) -> Noise:
 
 
 @kernel
-def blind_noise(par: Record, odometer: float, mode: int, unseen: bool, courses: bool) -> Noise:
+def blind_noise(
+    par: Record, odometer: float, metres: float, mode: int, unseen: bool, courses: bool
+) -> Noise:
     """Process noise without a heading sensor, over metres (DISTANCE) or seconds (CLOCK).
 
     Without an odometer the speed walks at random: with q its variance a second,
@@ -135,11 +138,13 @@ def blind_noise(par: Record, odometer: float, mode: int, unseen: bool, courses: 
         Q = q [t, t²/2; t²/2, t³/3]         of κ and the abscissa
 
     An acceleration lasts for some seconds.  Where the speed was not reported for as long, its
-    changes add up, and q is larger.
+    changes add up, and q is larger.  Across its way a vehicle errs as much off the roads as on
+    them: who stands, or drives straight on, says nothing of which it is, however often asked.
 
     Args:
         par: The parameters.
         odometer: Metres or seconds.
+        metres: Driven meanwhile.
         mode: DISTANCE or CLOCK.
         unseen: Whether no speed was reported in the last seconds.
         courses: Whether courses were heard, so that the heading is the vehicle's own.
@@ -147,11 +152,12 @@ def blind_noise(par: Record, odometer: float, mode: int, unseen: bool, courses: 
     if mode == CLOCK:
         rate = (_LASTING if unseen else 1.0) * par.acceleration_noise**2 * odometer
         along = rate * odometer * odometer / 3.0 + _SPEED_JITTER * odometer
-        return Noise(along, 0.25 * along, _BLIND_TURN * odometer, rate, 0.0, rate * odometer / 2.0)
-    metres = abs(odometer)
+        return Noise(
+            along, ACROSS * metres, _BLIND_TURN * odometer, rate, 0.0, rate * odometer / 2.0
+        )
     along = (3.0 * par.along_noise) ** 2 * metres
     turn = _TURNING if courses else _STRAIGHT
-    return Noise(along, 0.25 * along, turn * metres, _RATE_NOISE * metres, 0.0, 0.0)
+    return Noise(along, ACROSS * metres, turn * metres, _RATE_NOISE * metres, 0.0, 0.0)
 
 
 @kernel
@@ -212,6 +218,11 @@ def predict_plane(mean: Vector, cov: Matrix, step: Increment, scale: float, q: N
     cov[H, H] += q.heading
     cov[K, K] += q.rate
     cov[B, B] += q.drift
+    if q.cross != 0.0:
+        cov[X, K] += q.cross * c
+        cov[Y, K] += q.cross * s
+        cov[K, X] = cov[X, K]
+        cov[K, Y] = cov[Y, K]
 
 
 @kernel

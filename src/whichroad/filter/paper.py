@@ -73,10 +73,10 @@ def predict(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
     q = Noise(wheels.along, wheels.across, heading, 0.0, 0.0, 0.0)
     if par.mode == CLOCK:
         move = Increment(dt, epoch.turn, dt, 0.0, dt)
-        blind = blind_noise(par, dt, CLOCK, False, False)
-        q = Noise(blind.along, blind.across, blind.heading, blind.rate, 0.0, 0.0)
+        blind = blind_noise(par, dt, 0.0, CLOCK, False, False)
+        q = Noise(blind.along, 0.25 * blind.along, blind.heading, blind.rate, 0.0, 0.0)
     elif par.mode == DISTANCE:
-        heading = blind_noise(par, metres, DISTANCE, False, False).heading
+        heading = blind_noise(par, metres, metres, DISTANCE, False, False).heading
         q = Noise(wheels.along, wheels.across, heading, 0.0, 0.0, 0.0)
     for i in range(state.count):
         predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)

@@ -203,7 +203,7 @@ def _predict(
         metres = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
         odometer = dt if mode == CLOCK else epoch.arc
         unseen = epoch.time - state.reports.speed[1] > _SPEED_KEPT
-        q = blind_noise(ctx.par[0], odometer, mode, unseen, heard)
+        q = blind_noise(ctx.par[0], odometer, metres, mode, unseen, heard)
         q = _noise(state, epoch, q, metres, mode)
         if len(history.steps) > 0:
             history.since[0].drawn |= 1 - state.knows_heading

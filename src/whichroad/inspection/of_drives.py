@@ -113,7 +113,7 @@ def _of_fixes(fixes: Fixes, settings: Settings) -> list[tuple[str, str]]:
     hdop, assumed, kind = ((fixes.flags & b) > 0 for b in (FROM_HDOP, ASSUMED, FROM_QUALITY))
     by_hdop = f"HDOP times {settings.user_range_error_m:g} m"
     default = f"the setting default_sigma_m, {settings.default_sigma_m:g} m"
-    by_kind = "by the kind of fix (RTK, differential, dead reckoning)"
+    by_kind = "by the kind of fix (RTK, dead reckoning)"
     for which, source in (
         (~(hdop | assumed), "as reported"),
         (hdop & ~kind, by_hdop),

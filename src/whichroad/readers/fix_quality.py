@@ -12,7 +12,8 @@ NO_FIX, SINGLE, DIFFERENTIAL, FIXED, FLOAT, RECKONED = 0.0, 1.0, 2.0, 4.0, 5.0, 
 LEAST_SIGMA = 0.01  # m: no receiver on a vehicle is finer
 
 # Errors over those of a single fix, which the settings give; other qualities count as single.
-_RATIOS = {DIFFERENTIAL: 0.5, FIXED: 0.0075, FLOAT: 0.1, RECKONED: 2.5}
+# So do differential ones: cheap receivers with SBAS report such at errors of 7 m.
+_RATIOS = {FIXED: 0.0075, FLOAT: 0.1, RECKONED: 2.5}
 # Modes of GNS, the best last: a receiver that fixes ambiguities of one system has a fixed solution.
 _MODES = {"N": NO_FIX, "M": 7.0, "S": 8.0, "E": RECKONED, "P": 3.0, "A": SINGLE}
 _MODES |= {"D": DIFFERENTIAL, "F": FLOAT, "R": FIXED}

@@ -12,12 +12,11 @@ from ..observations import Array, Drive
 from ..settings import Settings
 from .checks import NO_TIME, Skipped, keep
 from .dates import iso_seconds
-from .fix_quality import DIFFERENTIAL, SINGLE
 from .reported_fixes import Reported, make_fixes
 from .source import Source
 from .without_times import invented_times
 
-_TEXTS = frozenset(("time", "hdop", "fix", "speed", "course", "name"))  # tags whose text is read
+_TEXTS = frozenset(("time", "hdop", "speed", "course", "name"))  # tags whose text is read
 _LINES = frozenset(("trk", "rte"))
 _POINTS = {"trkpt": "trk", "rtept": "rte", "wpt": "wpt"}  # tag -> what it is a point of
 _BAD = "unparsable point"
@@ -150,7 +149,6 @@ def _reported(points: list[dict[str, str]], skipped: Skipped, notes: list[str]) 
         for key in ("lat", "lon", "hdop", "speed", "course")
     }
     lat, lon = columns["lat"], columns["lon"]
-    dgps = [point.get("fix") == "dgps" for point in points]
     texts = [point.get("time") for point in points]
     time = iso_seconds(texts)
     if len(points) > 1 and len({text for text in texts if text}) < 2 and not _one_time(texts):
@@ -162,7 +160,6 @@ def _reported(points: list[dict[str, str]], skipped: Skipped, notes: list[str]) 
         lat_deg=lat,
         lon_deg=lon,
         hdop=columns["hdop"],
-        quality=np.where(dgps, DIFFERENTIAL, SINGLE) if any(dgps) else None,
         speed=columns["speed"],
         bearing_deg=columns["course"],
     ).rows(np.flatnonzero(placed & timed))

@@ -7,9 +7,23 @@ from ..slow_states import age_bias
 from ..state import GX, GY, NOTHING, RECEIVER, WHEELS, Belief, Context
 
 FAULT = 6.0  # sigmas; an error beyond this is a receiver that has lost lock
+FINE = 1.0  # m; a receiver whose errors are smaller shows how a vehicle leaves its line
 _USUAL = 2.0  # sigmas within which an error is a usual one again
 _WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed,
 _WANDERS_ALONE = 2.0  # and where motion is not measured, and explains as much
+
+
+@kernel
+def trace_of(state: Record) -> float:
+    """Variances of the receiver's error along both axes, m²."""
+    root = state.bias_root
+    return float(root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+
+
+@kernel
+def is_fine(state: Record) -> bool:
+    """Whether a receiver shows how a vehicle leaves its line: its errors are below a metre."""
+    return bool(0.5 * trace_of(state) < FINE**2)
 
 
 @kernel
@@ -38,9 +52,9 @@ def age_receiver(belief: Belief, ctx: Context, lasts: float, measured: bool) -> 
     """
     par = ctx.par[0]
     state = belief.state[0]
-    time, root = state.moving, state.bias_root
+    time = state.moving
     wanders = (_WANDERS if measured else _WANDERS_ALONE) ** 2 * time
-    wanders /= root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2
+    wanders /= trace_of(state)
     usual = math.exp(-time / lasts)
     for i in range(state.count):
         hyp = belief.hyp[i]

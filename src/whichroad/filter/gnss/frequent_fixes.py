@@ -7,8 +7,9 @@ badly where the receiver creeps away, though the second does.
 import math
 
 from ..._compile import Record, kernel
-from ..state import Belief
-from .bias import free_bias
+from ..state import WHEELS, Belief
+from .bias import free_bias, is_fine, trace_of
+from .jumps import stray
 from .position import NU0, NU1, V00, V11, Axes
 from .sides import fits_best
 
@@ -36,6 +37,8 @@ def _gather(state: Record, hyp: Record, axes: Axes, kept: float) -> float:
 def second_misfits(belief: Belief, axes: Axes, gate: float, since: float) -> bool:
     """Let a second of fixes that fits no hypothesis be the receiver's error, as one fix would.
 
+    Where no turns are measured and the receiver is a fine one, the vehicle has left its line.
+
     Args:
         belief: In place, with its innovations.
         axes: Of the fix, and its white noise.
@@ -43,7 +46,7 @@ def second_misfits(belief: Belief, axes: Axes, gate: float, since: float) -> boo
         since: The last fix, s.
 
     Returns:
-        Whether biases have changed, so that innovations have to be found again.
+        Whether biases or places have changed, so that innovations have to be found again.
     """
     state = belief.state[0]
     if since >= _SECOND or since <= 0.0:
@@ -54,10 +57,13 @@ def second_misfits(belief: Belief, axes: Axes, gate: float, since: float) -> boo
     over = _gather(state, hyp, axes, math.exp(-since / _KEPT)) / gate - 1.0
     if over <= 0.0:
         return False
-    root = state.bias_root
     square = hyp.scratch[V00] + hyp.scratch[V11] + since * (axes.r0 + axes.r1)  # a fix a second
-    more = over * square / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    strays = state.mode != WHEELS and is_fine(state)
+    more = over * square / trace_of(state)
     for i in range(state.count):
-        free_bias(belief.hyp[i], more)
+        if strays:
+            stray(belief.hyp[i], 0.5 * over * square)
+        else:
+            free_bias(belief.hyp[i], more)
     state.second_mean[0] = state.second_mean[1] = 0.0
     return True

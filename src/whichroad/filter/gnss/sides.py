@@ -2,7 +2,7 @@
 
 import math
 
-from ..._compile import Record, kernel
+from ..._compile import kernel
 from ..state import (
     BIASED,
     CAPACITY,
@@ -23,8 +23,8 @@ from ..state import (
     move_row,
     rescale,
 )
-from .bias import free_bias
-from .position import NU0, NU1, V00, V01, V11, Axes
+from .bias import free_bias, trace_of
+from .position import NU0, NU1, V00, V11, Axes
 
 _OF_SIDE = 1e-3  # of one for which a side is alive
 MOST_ODDS = 7.0  # logarithm of the odds up to which two sides live
@@ -36,8 +36,6 @@ _MOST_TURNED = 1.5  # rad, more than a linear model bears
 _LASTING = 0.1  # by which a scale may be wrong for long (one sigma),
 _LASTS = 10.0  # and s, of which each says so anew
 _COUNTS = 0.2  # share of a fix's evidence that counts between sides
-_CHANGES, _CHANGE = 0.01, 12.0  # 1/s, m per axis: the error of a receiver that is alone
-_FREQUENT = 4.0  # s between fixes, up to which it is followed
 _BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
 _BIASED_BY = 30.0  # and m, how far away on each axis
 _OF_BIASED = 1e-4  # of the weight, of a hypothesis for which that is considered
@@ -90,10 +88,8 @@ def _explain(belief: Belief, square: float, side: int) -> None:
         square: The misfit, m².
         side: RECEIVER or MOTION; hypotheses that blame it.
     """
-    state = belief.state[0]
-    root = state.bias_root
-    more = square / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
-    for i in range(state.count):
+    more = square / trace_of(belief.state[0])
+    for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.blames != side:
             continue
@@ -212,8 +208,7 @@ def fork_biased(belief: Belief) -> None:
     that has driven on regardless of the fix is of the latter kind.
     """
     state = belief.state[0]
-    root = state.bias_root
-    more = 2.0 * _BIASED_BY**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+    more = 2.0 * _BIASED_BY**2 / trace_of(state)
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.ignores == BIASED:
@@ -240,63 +235,6 @@ def weight_off_roads(belief: Belief) -> float:
         if belief.hyp[i].edge == OFF_ROAD:
             off += belief.hyp[i].weight
     return off
-
-
-@kernel
-def _fit(hyp: Record, axes: Axes, more: float) -> tuple[float, float]:
-    """Chi-square of a fix under a hypothesis, and the determinant of its innovations, m⁴.
-
-    Args:
-        hyp: With its innovations.
-        axes: Of the fix, and its white noise.
-        more: Variance that is added to each axis, m².
-    """
-    to = hyp.scratch
-    s0, s1, v = to[V00] + axes.r0 + more, to[V11] + axes.r1 + more, to[V01]
-    det = s0 * s1 - v * v
-    misfit = (to[NU0] * (to[NU0] * s1 - 2.0 * to[NU1] * v) + to[NU1] * to[NU1] * s0) / det
-    return misfit, det
-
-
-@kernel(inline=True)
-def let_jump(belief: Belief, axes: Axes, since: float) -> bool:
-    """Without wheels a receiver's error may be another one since the last fix.
-
-    A receiver in a street finds and loses reflections.  Each moves it by metres to tens of metres,
-    for seconds to minutes.  So the prior of the error is a sum of two Gaussians (Alspach and
-    Sorenson, 1972): the usual one, and with the rate of such changes one of 12 m more per axis.
-    Each hypothesis keeps the one that explains the fix better.  A vehicle that goes on beside
-    its fixes costs some ten nats then, and not half of a chi-square.  Where it is off the roads,
-    its own motion explains as much, and nothing is changed.
-
-    Args:
-        belief: In place, with its innovations.
-        axes: Of the fix, and its white noise.
-        since: Seconds since the last fix.  Between sparse ones `sparse.wrong_fix` drives on.
-
-    Returns:
-        Whether an error has changed, so that innovations have to be found again.
-    """
-    if since <= 0.0 or since > _FREQUENT:
-        return False
-    state = belief.state[0]
-    if weight_off_roads(belief) > 0.5:
-        return False
-    root = state.bias_root
-    more = 2.0 * _CHANGE**2 / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
-    price = math.log(_CHANGES * since)
-    changed = False
-    for i in range(state.count):
-        hyp = belief.hyp[i]
-        misfit, det = _fit(hyp, axes, 0.0)
-        if 0.5 * misfit < -price:  # no other error would pay
-            continue
-        wide, wide_det = _fit(hyp, axes, _CHANGE**2)
-        if 0.5 * (misfit - wide - math.log(wide_det / det)) > -price:
-            free_bias(hyp, more)
-            hyp.log_weight += price
-            changed = True
-    return changed
 
 
 @kernel

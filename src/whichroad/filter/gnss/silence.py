@@ -19,8 +19,10 @@ from .update import LATEST, observe_fix
 
 SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _NO_SPEED = 20.0  # m/s, sigma of a speed that says nothing
-_STANDING = 0.5  # m/s; a receiver that reports less stands
+_STANDING = 0.5  # m/s; a receiver that reports less stands,
+_CREEPS, _SIGMAS = 0.1, 3.0  # m/s, sigmas: unless it measures speeds better than that
 _LEFT = 0.3  # m/s, of the speed of a vehicle whose fixes keep their place
+_STANDS, _CREPT = 0.25, 0.3  # m/s that any standing receiver reports; m and four sigmas
 _STOOD = 5.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
 _SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere,
 _GAP, _GAP_OF_RATES = 15.0, 4.0  # or on another road nearby; rates say less of a gap than counts
@@ -92,13 +94,14 @@ def stands(belief: Belief, epoch: Record, dt: float) -> bool:
             for i in range(state.count):
                 redraw(belief.hyp[i], K, 0.0, _LEFT**2)
         return still
-    if epoch.speed_sigma >= 1.0 or epoch.speed >= _STANDING or state.speed >= 3.0 * _STANDING:
+    least = min(max(_SIGMAS * epoch.speed_sigma, _CREEPS), _STANDING)
+    if epoch.speed_sigma >= 1.0 or epoch.speed >= least or state.speed >= 3.0 * _STANDING:
         return False
-    if dt <= SPARSE:
+    if dt <= SPARSE and epoch.speed < _STANDS:
         return True
     top = belief.hyp[most_probable(belief)].mu
     away = math.hypot(epoch.fix[0] - top[X], epoch.fix[1] - top[Y]) / state.scale
-    return bool(away < _STOOD + 4.0 * epoch.fix[2])
+    return bool(away < (_STOOD if dt > SPARSE else _CREPT) + 4.0 * epoch.fix[2])
 
 
 @kernel

@@ -15,6 +15,7 @@ from ..state import (
     Path,
     X,
     Y,
+    heaviest,
     most_probable,
     normalise,
 )
@@ -30,6 +31,7 @@ from .inflation import (
     may_reflect,
     was_silent,
 )
+from .jumps import jump_or_stray
 from .noise import learn_factor, observe_white, update_root
 from .position import (
     Axes,
@@ -42,7 +44,6 @@ from .sides import (
     blame_receiver,
     even_out,
     fork_biased,
-    let_jump,
     loosen,
     misfit,
     odds_of_sides,
@@ -70,6 +71,7 @@ _STRAYED, _MOST_STRAYED = 0.05, 0.1  # P(it is at the fix), where no turns are m
 _SEARCHED = 20.0  # s for which it is
 _TURNS_SHARE = 0.5  # P(the vehicle is at the fix) where turns are refused that had agreed before
 LATEST = 0.5  # share of the last interval of fixes in the usual one
+_FINER = 18.0  # times a fix's variance, sum over both axes, of a place that it tells far better
 _LOST_TIME = 5.0  # s off the roads, from which on a far fix is doubted less than the belief
 
 
@@ -87,12 +89,15 @@ def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
     """A standing vehicle's fix observes the receiver's noise, and not the position.
 
     Returns:
-        Whether it is a fix of a vehicle that stands there.  Else wheels or receiver are wrong,
-        and nothing was observed.
+        Whether it is a fix of a vehicle that stands there, and tells nothing new of the place.
+        Else nothing was observed: wheels or receiver are wrong, or it is far finer than before.
     """
     state = belief.state[0]
     fix = epoch.fix
     par = ctx.par[0]
+    hyp = belief.hyp[heaviest(belief)]
+    if hyp.cov[X, X] + hyp.cov[Y, Y] > _FINER * state.gnss_factor * fix[2] * fix[3]:
+        return False
     white = math.sqrt(state.gnss_factor) * par.gnss_white_ratio
     axes = _axes(fix, white, 1.0)
     if state.mode == WHEELS and (state.vetting.runs == 1 or drives(epoch)):
@@ -265,8 +270,10 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     par = ctx.par[0]
     state = belief.state[0]
     known = state.learnt_time > _YOUNG
-    if known and may_reflect(state, par, epoch) and let_jump(belief, axes, since):
-        innovations(belief, ctx, epoch.fix, axes)
+    if known and state.mode != WHEELS:
+        alone = may_reflect(state, par, epoch)
+        if jump_or_stray(belief, axes, since, alone, par.gnss_gate):
+            innovations(belief, ctx, epoch.fix, axes)
     jumps = is_vouched(state, epoch) and since < _RECENT and known
     if jumps and second_misfits(belief, axes, par.gnss_gate, since):
         innovations(belief, ctx, epoch.fix, axes)

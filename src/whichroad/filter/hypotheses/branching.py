@@ -43,7 +43,7 @@ from ..state import (
 )
 from .corners import BEFORE, list_corners, turned_before_end
 from .lane_offset import change_lane, redraw_lane
-from .successors import REACH, successors
+from .successors import REACH, p_drives_on, successors
 
 BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
 _WHOLE = 6.0  # sigma
@@ -308,10 +308,17 @@ def pass_on(
     hyp = belief.hyp[i]
     bound = NO_BOUND if belief.state[0].mode == WHEELS else hyp.bound
     count, total = successors(belief, ctx, i, s, sigma, share * hyp.weight, bound)
+    on = p_drives_on(belief, ctx, hyp)
     if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
-        spawn(belief, i, share, OFF_ROAD, hyp.segment)
-        return share
-    return _give(belief, path, ctx, i, count, share / total, least)
+        on = 1.0
+    left = share * on
+    if left * hyp.weight < least or belief.state[0].count >= CAPACITY:
+        left = 0.0
+    if left > 0.0:
+        spawn(belief, i, left, OFF_ROAD, hyp.segment)
+    if total <= 0.0:
+        return left
+    return left + _give(belief, path, ctx, i, count, (share - left) / total, least)
 
 
 @kernel

@@ -18,6 +18,7 @@ _FAST = 1.6  # usual speeds of the road, that nobody exceeds
 _ALLOWED_SIGMA = 0.3  # relative, of the speed that a turn allows
 _LEAST_FIT = 0.1  # as the map may draw a corner where there is a bend
 _SIGMA = 0.5  # m/s, of an odometer's speed
+_ON = 0.2  # P(who comes to the end of a road finds another one that the map lacks)
 _STANDS = 0.5  # m/s, below which a vehicle waits, and may turn to anywhere
 
 
@@ -123,6 +124,24 @@ def driven_speed(belief: Belief, hyp: Record) -> tuple[float, float]:
     if belief.state[0].mode == CLOCK:
         return max(hyp.mu[K], 0.0), math.sqrt(hyp.cov[K, K])
     return abs(belief.state[0].odometer_speed * hyp.mu[K]), _SIGMA
+
+
+@kernel
+def p_drives_on(belief: Belief, ctx: Context, hyp: Record) -> float:
+    """P(a vehicle at the end of its road drives on where the map has none); 0 where one follows.
+
+    Maps have gaps of metres, and lack yards.  Else it turns round there, which takes a low speed.
+    """
+    origin = ctx.roads.edges[hyp.edge]
+    if origin.end_turn - origin.first_turn != 1:
+        return 0.0
+    way = ctx.roads.turns[origin.first_turn]
+    if way.edge != origin.opposite:
+        return 0.0
+    driven = driven_speed(belief, hyp)
+    on = _ON * speed_fit(float(origin.speed), 0.0, driven)
+    back = (1.0 - _ON) * speed_fit(float(origin.speed), math.pi, driven)
+    return float(on / (on + back))
 
 
 @kernel

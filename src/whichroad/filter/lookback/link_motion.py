@@ -17,9 +17,9 @@ from ..._compile import Record, Vector, kernel
 from ...graph.geometry import locate, wrap
 from ...graph.network import Roads
 from .._simd import N, add_times, set_times
-from ..along import ACROSS, CORNER_SIGMA
+from ..along import CORNER_SIGMA
 from ..hypotheses.lane_offset import kept_lane
-from ..motion import Increment, Noise
+from ..motion import ACROSS, Increment, Noise
 from ..slow_states import keep_lane, keep_map
 from ..sparse.arrival import ACROSS_SIGMA, HEADING_NOISE
 from ..sparse.candidates import heavy_tail, usual_speed

@@ -1,0 +1,66 @@
+"""Receivers of centimetres without odometry: parked, creeping, in corners, after a coarse start."""
+
+import numpy as np
+import pytest
+from benchmarks.manoeuvres import How, one, scenes
+from benchmarks.manoeuvres.cases import Case, of_sigma
+
+from whichroad import GeoFix, match
+
+from .test_trackers import M, off, road_map, rows
+
+STREET = {"street": [(-300.0, 0.0), (300.0, 0.0)]}
+
+
+def noisy(x: np.ndarray, y: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    white = np.random.default_rng(3).normal(0.0, 0.5 * sigma, (2, len(x)))
+    return x + white[0], y + white[1]
+
+
+@pytest.mark.parametrize("every", [0.1, 1.0])
+@pytest.mark.parametrize("sigma", [0.02, 0.5])
+def test_who_is_parked_off_the_roads_does_not_come_to_be_on_one_by_standing(every, sigma):
+    n = round(10.0 / every)
+    x, y = noisy(np.zeros(n), np.full(n, 20.0), sigma)
+    points = match(rows(x, y, every, sigma), road_map(STREET)).points
+    assert points.p_off_road.iloc[0] > 0.9
+    assert points.p_off_road.min() > 0.3
+
+
+@pytest.mark.parametrize("every", [0.1, 1.0])
+@pytest.mark.parametrize("sigma_speed", [0.05, 0.3])
+def test_who_creeps_is_followed_by_a_fine_receiver(every: float, sigma_speed: float):
+    time = np.arange(0.0, 120.0, every)
+    speed = np.where((time > 30.0) & (time < 90.0), 0.4, 4.0)
+    x = -200.0 + np.cumsum(speed * every)
+    said = np.abs(speed + np.random.default_rng(4).normal(0.0, 0.02, len(x)))
+    places = zip(*noisy(x, 0.0 * x, 0.02), strict=True)
+    fixes = [
+        GeoFix.with_sigma(t, b * M, a * M, 0.02, speed=v, sigma_speed=sigma_speed)
+        for t, v, (a, b) in zip(1.7e9 + time, said, places, strict=True)
+    ]
+    points = match(fixes, road_map(STREET)).points
+    error = off(points, x, 0.0 * x)[time > 20.0]
+    held = 0.3 + 4.0 * 0.02  # m, up to which its place is held at first, where speeds are coarse
+    assert (error < points.protection_level_m[time > 20.0] + held * (sigma_speed > 0.1)).all()
+    assert error.max() < 1.2
+
+
+def test_a_fine_fix_at_rest_mends_a_coarse_start():
+    n = 20
+    x = np.where(np.arange(n) < 5, 12.0, 0.0)
+    sigma = np.where(np.arange(n) < 5, 10.0, 0.02)
+    table = rows(*noisy(x, 0.0 * x, 0.02), 1.0, sigma, speed_mps=np.zeros(n))
+    points = match(table, road_map(STREET)).points
+    assert (off(points, 0.0, 0.0)[8:] < 0.5).all()
+    assert (points.protection_level_m[12:] < 5.0).all()
+
+
+@pytest.mark.parametrize("suite", ["odometer", "odometer and Doppler", "Doppler", "fixes"])
+@pytest.mark.parametrize("draw", [scenes.town, scenes.gaps])
+def test_corners_and_gaps_are_not_the_receiver_s_error(draw, suite: str):
+    found = one("fine", Case("0.02 m", draw, (suite,), of_sigma(0.02)), suite, 1000, How())
+    assert found.declared > 80
+    assert found.wrong == 0
+    assert found.pose.exceeded <= 0.01 * found.pose.epochs
+    assert found.pose.level < 3.0
