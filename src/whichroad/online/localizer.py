@@ -44,11 +44,10 @@ from .one_odometry import SECOND, is_worse
 from .pauses import LateReadings, Pauses
 from .remembers import Remembers
 from .sensing import Sensing
+from .silence import between, is_speed, learnt, lost_after, silent_after
 from .watched import Watched
 
 _LATE = 1.0  # s; a fix later than this is refused
-_SILENT = 2.0  # s without odometry, and three usual intervals, after which motion is what the
-# receiver says
 _BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
 _FARTHEST = 366 * 86400.0  # s that are predicted; of more the covariance overflows
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
@@ -214,7 +213,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         taken = self._gyro.take(reading, wheels, self.skipped)
         if (
             taken and now.started and isinstance(wheels, WheelTicks | WheelSpeed)
-            and self._is_silent(reading.time - wheels.time) and reading.time - now.time >= _BESIDE
+            and self._is_lost(reading.time - wheels.time) and reading.time - now.time >= _BESIDE
         ):  # fmt: skip
             self._gyro.takeover.mute(ahead := reading.time - now.time)
             metres, speed = driven_on(self._rate[0], ahead)
@@ -225,7 +224,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
 
     def _take_odometry(self, reading: Reading) -> bool:
         now = self._reading
-        if now and is_worse(reading, now) and not self._is_silent(reading.time - now.time):
+        if now and is_worse(reading, now) and not self._is_lost(reading.time - now.time):
             self.skipped[SECOND] = self.skipped.get(SECOND, 0) + 1
             return False
         arc, turn, valid, by = self._increment(reading)
@@ -240,25 +239,22 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         """What was driven since the last epoch, less what fixes in between took, as filled."""
         before, self._reading = self._reading, reading
         if before is None or type(before) is not type(reading):
-            self._odometer = (reading.time, 0.0, 0.0)
+            self._odometer, self._interval = (reading.time, 0.0, 0.0), 0.0
             return 0.0, 0.0, 1, self._gyro.by
+        taken, gap = self._odometer or (0.0, 0.0, 0.0), reading.time - before.time
+        lost = self._is_lost(gap)
+        unheard = self._is_silent(gap) and taken[0] > before.time  # fixes since then have moved it
+        if unheard and is_speed(reading):  # it tells the way since the last of them
+            before, taken = between(before, reading, taken[0]), (0.0, 0.0, 0.0)
         dt = reading.time - before.time
+        silent = self._is_silent(dt)
+        self._interval = learnt(self._interval, gap)
         arc, turn, valid = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
         arc, turn = self._gyro.steered(before, reading, arc, turn)
-        taken = self._odometer or (0.0, 0.0, 0.0)
-        self._interval = self._interval or dt
-        if self._is_silent(dt) and taken[0] > before.time:  # fixes since then have moved it
-            self._odometer, now = (reading.time, 0.0, 0.0), self._filter
-            by_gyro = self._gyro.in_silence(now.time, reading.time)
-            if by_gyro is not None and now.mode == WHEELS and isinstance(reading, WheelTicks):
-                return arc - taken[1], by_gyro, 0, HEARD_AGAIN  # counters have gone on
-            ahead = reading.time - taken[0]
-            if ahead > _SILENT:  # the last of them is long ago
-                return arc * ahead / dt, turn * ahead / dt, 0, self._gyro.by
-            return self._rate[0] * ahead, 0.0, 1, self._gyro.by
-        if self._is_silent(dt) and not isinstance(reading, Distance):
+        if unheard and not is_speed(reading):
+            return self._counted_on(reading, arc, turn, dt)
+        if (silent and is_speed(reading)) or (lost and isinstance(reading, WheelTicks)):
             valid = 0  # the way was longer than the turn tells
-        self._interval += 0.2 * (dt - self._interval)
         if dt > 0:
             self._rate = (arc / dt, turn / dt)
         if self._began is not None and dt > 0:  # what was driven before the start is no one's
@@ -267,9 +263,25 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._odometer, self._began = (reading.time, 0.0, 0.0), None
         return arc - taken[1], turn - taken[2], valid, self._gyro.by
 
+    def _counted_on(
+        self, reading: Reading, arc: float, turn: float, dt: float
+    ) -> tuple[float, float, int, int]:
+        """What was driven since the last fix, of what was counted in a silence of dt s."""
+        taken, now = self._odometer or (0.0, 0.0, 0.0), self._filter
+        self._odometer = (reading.time, 0.0, 0.0)
+        by_gyro = self._gyro.in_silence(now.time, reading.time)
+        if by_gyro is not None and now.mode == WHEELS and isinstance(reading, WheelTicks):
+            return arc - taken[1], by_gyro, 0, HEARD_AGAIN
+        part = (reading.time - taken[0]) / dt
+        return arc * part, turn * part, 0, self._gyro.by
+
     def _is_silent(self, seconds: float) -> bool:
         """Whether that is longer than odometry usually says nothing."""
-        return seconds > max(_SILENT, 3.0 * self._interval)
+        return seconds > silent_after(self._interval)
+
+    def _is_lost(self, seconds: float) -> bool:
+        """Whether it is so long that others take its place."""
+        return seconds > lost_after(self._interval)
 
     def _take_fix(self, fix: GeoFix, late: float) -> None:
         now = self._filter
