@@ -84,7 +84,10 @@ def test_a_state_is_all_that_a_localizer_remembers(town, ride, observations):
     kept |= {"_past", "_statistics", "_gyro", "_sensing"}
     stays = {"roads", "vehicle", "settings", "skipped", "_start", "lag", "_map", "_answers"}
     stays |= {"_lock"}
-    views, forgotten = {"_ahead"}, {"_late"}  # readings refused before say nothing afterwards
+    views, forgotten = (
+        {"_ahead"},
+        {"_late", "_behind"},
+    )  # readings refused before say nothing afterwards
     assert vars(localizer(town, ride)).keys() == kept | stays | views | forgotten
 
 

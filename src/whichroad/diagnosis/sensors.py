@@ -23,6 +23,7 @@ _IN_DEGREES = 5.0  # above which they are in degrees
 _SILENT = 10.0  # s, to be named
 _UNTURNED = 500.0  # m, the same
 _LATE = 0.25  # s, to be named
+_BEHIND, _REFUSED = 0.1, 5.0  # s behind the fixes on line, and s of that, to be named
 _DEGREES = 0.1  # and above that, below which they may be in degrees
 _STUCK = 0.0175  # rad that a course turns in a window, below which it hardly changes
 _ALIKE = 0.8  # mean of unit vectors above which courses are off by the same angle
@@ -81,6 +82,25 @@ def clock_finding(late: float, band: float) -> Finding:
         f"fixes are {abs(late):.1f} s {'late' if late > 0.0 else 'early'} against the "
         f"odometer; add {-late:.1f} s to gnss, or {late:.1f} s to odometry, under [clock] in "
         "vehicle.toml",
+    )  # fmt: skip
+
+
+def behind_findings(behind: float, refused: float) -> tuple[Finding, ...]:
+    """Odometry on line of which each reading is older than a fix that came before it.
+
+    Args:
+        behind: By so much, s.
+        refused: For how long all of it has been refused, s.
+    """
+    if refused < _REFUSED:
+        return ()
+    return (
+        Finding(
+            "odometry: clock", "warning", behind, -_BEHIND, _BEHIND,
+            f"all odometry comes {behind:.2f} s behind the fixes and is refused, for "
+            f"{refused:,.0f} s now; if its clock is behind, add {behind:.2f} s to its times; if it "
+            "only arrives late, sort readings by their times",
+        ),
     )  # fmt: skip
 
 

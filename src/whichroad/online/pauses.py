@@ -49,12 +49,16 @@ class Pauses:
     _began: float | None
     _start: StartPose | None
     _late: LateReadings
+    _behind: tuple[float, float]
     _run: Callable[[], None]
     restore: Callable[[State], None]
     _blank: Callable[[], State]
 
     def _in_order(self, time: float, most: float) -> bool:
         """Whether a reading that may be so late is taken; begins anew where all are later."""
+        if most == 0.0:
+            late = self._filter.time - time
+            self._behind = (self._behind[0] or self._filter.time, late) if late > 0 else (0.0, 0.0)
         if self._filter.time - time > most and self._filter.started:
             if not self._late.are_of_another_clock(time):
                 self.skipped["late"] = self.skipped.get("late", 0) + 1

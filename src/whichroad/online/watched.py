@@ -6,7 +6,7 @@ from ..diagnosis.findings import Finding, findings
 from ..diagnosis.further_sensors import further_findings
 from ..diagnosis.map_offset import map_error_of
 from ..diagnosis.sensor_states import SensorState, states_of
-from ..diagnosis.sensors import sensor_findings, takeover_findings
+from ..diagnosis.sensors import behind_findings, sensor_findings, takeover_findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..places import Places
 from ..roadmap import RoadMap
@@ -27,6 +27,7 @@ class Watched:
     _statistics: ConsistencyStatistics
     _answers: Answering
     _gyro: GyroTurns
+    _behind: tuple[float, float]
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
@@ -66,7 +67,9 @@ class Watched:
         with self._lock:
             belief, names = self._filter.belief, self._sensing.sensed.names
             state = belief.state[0]
-            further = further_findings(names, state.sensors)
+            since, late = self._behind
+            behind = behind_findings(late, self._filter.time - since) if since else ()
+            further = (*behind, *further_findings(names, state.sensors))
             named = takeover_findings(self._gyro.takeover)
             if named:  # settings are not judged by sensors that are wrong
                 return (*further, *named, *sensor_findings(state.vetting))
