@@ -22,7 +22,7 @@ import pytest
 from whichroad.settings import Settings
 
 ROOT = Path(__file__).parents[1]
-PAGES = ["README.md", "docs/model.md", "docs/architecture.md"]
+PAGES = ["README.md", "docs/model.md", "docs/sensors-that-fail.md", "docs/architecture.md"]
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 LONGEST = 25  # words
@@ -122,7 +122,11 @@ def test_documents_use_the_words_of_the_field(path: Path):
 # The numbers of the model's page
 
 SETTING = re.compile(r"`([a-z][a-z_0-9]*)` \(([-+.\de]+)(?: ([^()]+))?\)")
-MODEL = " ".join((ROOT / "docs" / "model.md").read_text("utf-8").split())
+MODEL = " ".join(
+    word
+    for page in ("model.md", "sensors-that-fail.md")
+    for word in (ROOT / "docs" / page).read_text("utf-8").split()
+)
 FIELDS = {f.name: f for f in fields(Settings)}
 
 

@@ -32,7 +32,10 @@ KEPT = {
     "docs/worlds-history.md",
 }
 # For those who read equations: one sentence in twenty may be longer.
-TECHNICAL = {"docs/model.md", "docs/architecture.md", "docs/exact.md", "benchmarks/README.md"}
+TECHNICAL = {
+    "docs/model.md", "docs/sensors-that-fail.md", "docs/architecture.md", "docs/exact.md",
+    "benchmarks/README.md",
+}  # fmt: skip
 READ = [p for p in PAGES if title(p) not in KEPT and "decisions" not in p.parts]
 SHORT = [p for p in READ if title(p) not in TECHNICAL]
 _SHORT_END = re.compile(r"(?<!e\.g)(?<!i\.e)[.!?;:]\s+")
