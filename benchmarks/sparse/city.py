@@ -6,6 +6,12 @@ from .. import Options
 from . import harness, runner, scores
 
 ALL = (*harness.PEERS, runner.OURS)
+CONDITIONS = [
+    harness.key(interval, sigma, tau)
+    for interval in harness.INTERVALS
+    for sigma in (5, 10)
+    for tau in (0.0, harness.TAU)
+]
 
 
 def measure(options: Options, seed: int, conditions: list[str], trips: int = 20) -> dict[str, Any]:

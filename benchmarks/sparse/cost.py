@@ -92,18 +92,18 @@ def _spread() -> None:
 
 def _pass(roads: Any, table: Path, threads: int, rows: int) -> float:
     """Fixes per second over the stream, tables built and thrown away."""
-    from whichroad.batch import trips
+    from whichroad.batch import batches
 
-    plain = trips.ThreadPoolExecutor
+    plain = batches.ThreadPoolExecutor
 
     def pinned(workers: int, **more: Any) -> Any:
         return plain(workers, initializer=_spread, **more)
 
-    trips.ThreadPoolExecutor = pinned  # type: ignore[assignment,misc]
+    batches.ThreadPoolExecutor = pinned  # type: ignore[assignment,misc]
     start = time.perf_counter()
-    for _ in trips.match_stream(table, roads, threads=threads):
+    for _ in batches.match_stream(table, roads, threads=threads):
         pass
-    trips.ThreadPoolExecutor = plain  # type: ignore[misc]
+    batches.ThreadPoolExecutor = plain  # type: ignore[misc]
     return rows / (time.perf_counter() - start)
 
 

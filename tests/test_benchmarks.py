@@ -1,0 +1,46 @@
+"""The benchmarks name what there is: few of them run in the tests."""
+
+import ast
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MODULES = sorted(
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for path in (ROOT / "benchmarks").rglob("*.py")
+    if path.stem not in ("__main__", "whichroad_adapter")
+)
+
+
+def named(tree: ast.AST, bound: dict[str, ModuleType]) -> list[tuple[str, str]]:
+    """Attributes of our own modules that some code reads."""
+    return [
+        (node.value.id, node.attr)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+        and node.value.id in bound
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_what_a_benchmark_names_exists(name: str):
+    try:
+        module = importlib.import_module(name)
+    except ModuleNotFoundError as missing:
+        pytest.skip(f"{missing.name} is not installed")
+    tree = ast.parse(Path(str(module.__file__)).read_text("utf-8"))
+    bound = {k: v for k, v in vars(module).items() if isinstance(v, ModuleType)}
+    for node in ast.walk(tree):  # within functions
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("whichroad"):
+            origin = importlib.import_module(node.module)
+            for alias in node.names:
+                found = getattr(origin, alias.name, None)
+                if found is None:
+                    found = importlib.import_module(f"{node.module}.{alias.name}")
+                if isinstance(found, ModuleType):
+                    bound[alias.asname or alias.name] = found
+    bound = {k: v for k, v in bound.items() if v.__name__.startswith(("whichroad", "benchmarks"))}
+    assert [f"{a}.{b}" for a, b in named(tree, bound) if not hasattr(bound[a], b)] == []
