@@ -165,6 +165,7 @@ SCENES: dict[str, list[Case]] = {
     ],
     "fine": [
         *(Case(f"{s:g} m", scenes.town, _NO_TURNS, of_sigma(s)) for s in (0.3, 0.02)),
+        Case("0.02 m, 5 Hz", scenes.town, _NO_TURNS, of_sigma(0.02, 0.2)),
         *(
             Case(f"0.3 m, {draw.__name__}", draw, _NO_TURNS, of_sigma(0.3))
             for draw in (scenes.yard, scenes.u_turn, scenes.side_street, scenes.gaps)

@@ -30,3 +30,14 @@ def test_odometry_in_time_is_not_named():
     online = driven(0.0)
     assert online.skipped == {}
     assert "odometry: clock" not in [found.what for found in online.diagnosis]
+
+
+def test_one_late_reading_before_the_wheels_fall_silent_names_no_clock():
+    online = Localizer(TOWN, vehicle=CAR)
+    for k, reading in enumerate(ticks(wheels(STRAIGHT))[:300]):
+        lat, lon = PLANE.to_geodetic(STRAIGHT.x[k], -1.75)
+        online.update(GeoFix(reading.time, lat, lon, 4e-4, 0.0, 4e-4))
+        if k <= 100:
+            online.update(replace(reading, time=reading.time + (0.03 if k < 100 else -0.15)))
+    assert online.skipped["late"] == 1
+    assert "odometry: clock" not in [found.what for found in online.diagnosis]

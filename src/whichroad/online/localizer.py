@@ -121,7 +121,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
         self._statistics = ConsistencyStatistics(self.settings, self.vehicle)
         self._late = LateReadings()
-        self._behind = (0.0, 0.0)  # since when all odometry is older than fixes, and by how much, s
+        self._behind = (0.0, 0.0, 0.0)  # odometry older than fixes: since, until; by how much, s
         self._map = ""  # fingerprint of the map, once it was asked for
 
     def update(self, observation: Observation) -> Estimate:

@@ -49,7 +49,7 @@ class Pauses:
     _began: float | None
     _start: StartPose | None
     _late: LateReadings
-    _behind: tuple[float, float]
+    _behind: tuple[float, float, float]
     _run: Callable[[], None]
     restore: Callable[[State], None]
     _blank: Callable[[], State]
@@ -57,8 +57,8 @@ class Pauses:
     def _in_order(self, time: float, most: float) -> bool:
         """Whether a reading that may be so late is taken; begins anew where all are later."""
         if most == 0.0:
-            late = self._filter.time - time
-            self._behind = (self._behind[0] or self._filter.time, late) if late > 0 else (0.0, 0.0)
+            now, since = self._filter.time, self._behind[0]
+            self._behind = (since or now, now, now - time) if now > time else (0.0, 0.0, 0.0)
         if self._filter.time - time > most and self._filter.started:
             if not self._late.are_of_another_clock(time):
                 self.skipped["late"] = self.skipped.get("late", 0) + 1

@@ -37,7 +37,7 @@ class Remembers:
     _start: StartPose | None
     _statistics: ConsistencyStatistics
     _late: LateReadings
-    _behind: tuple[float, float]
+    _behind: tuple[float, float, float]
     _map: str
 
     def __getstate__(self) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class Remembers:
                 self._past.forget_after(state.time, now.belief)
             self._statistics.forget_after(state.watched)
             self._late.took()
-            self._behind = (0.0, 0.0)
+            self._behind = (0.0, 0.0, 0.0)
 
     def _fingerprint(self) -> str:
         self._map = self._map or fingerprint(self.roads)

@@ -27,7 +27,7 @@ class Watched:
     _statistics: ConsistencyStatistics
     _answers: Answering
     _gyro: GyroTurns
-    _behind: tuple[float, float]
+    _behind: tuple[float, float, float]
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
@@ -67,8 +67,8 @@ class Watched:
         with self._lock:
             belief, names = self._filter.belief, self._sensing.sensed.names
             state = belief.state[0]
-            since, late = self._behind
-            behind = behind_findings(late, self._filter.time - since) if since else ()
+            since, until, late = self._behind
+            behind = behind_findings(late, until - since)
             further = (*behind, *further_findings(names, state.sensors))
             named = takeover_findings(self._gyro.takeover)
             if named:  # settings are not judged by sensors that are wrong

@@ -1,10 +1,10 @@
-"""The receiver's slow error over time, of one that has lost lock too."""
+"""The receiver's slow error over time, of one that has lost lock too; what a misfit adds."""
 
 import math
 
 from ..._compile import Record, kernel
 from ..slow_states import age_bias
-from ..state import GX, GY, NOTHING, RECEIVER, WHEELS, Belief, Context
+from ..state import GX, GY, NOTHING, RECEIVER, WHEELS, Belief, Context, X, Y
 
 FAULT = 6.0  # sigmas; an error beyond this is a receiver that has lost lock
 FINE = 1.0  # m; a receiver whose errors are smaller shows how a vehicle leaves its line
@@ -32,6 +32,13 @@ def free_bias(hyp: Record, more: float) -> None:
     hyp.cov[GX, GX] += more
     hyp.cov[GY, GY] += more
     hyp.freed += more
+
+
+@kernel
+def stray(hyp: Record, more: float) -> None:
+    """Let the place be another one: more variance on each axis, m²."""
+    hyp.cov[X, X] += more
+    hyp.cov[Y, Y] += more
 
 
 @kernel(inline=True)

@@ -8,8 +8,7 @@ import math
 
 from ..._compile import Record, kernel
 from ..state import WHEELS, Belief
-from .bias import free_bias, is_fine, trace_of
-from .jumps import stray
+from .bias import free_bias, is_fine, stray, trace_of
 from .position import NU0, NU1, V00, V11, Axes
 from .sides import fits_best
 

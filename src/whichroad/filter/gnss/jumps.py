@@ -7,21 +7,14 @@ the vehicle has left the line.
 import math
 
 from ..._compile import Record, kernel
-from ..state import Belief, X, Y
-from .bias import FINE, free_bias, trace_of
+from ..state import Belief
+from .bias import FINE, free_bias, stray, trace_of
 from .position import NU0, NU1, V00, V01, V11, Axes
 from .sides import weight_off_roads
 
 _CHANGES, _CHANGE = 0.01, 12.0  # 1/s, m per axis: the error of a receiver that is alone
 _ASIDE = 3.0  # m per axis, by which a vehicle leaves its road's line about as often
 _FREQUENT = 4.0  # s between fixes, up to which it is followed
-
-
-@kernel
-def stray(hyp: Record, more: float) -> None:
-    """Let the place be another one: more variance on each axis, m²."""
-    hyp.cov[X, X] += more
-    hyp.cov[Y, Y] += more
 
 
 @kernel

@@ -17,13 +17,11 @@ from ..state import (
     H,
     K,
     N,
-    X,
-    Y,
     heaviest,
     move_row,
     rescale,
 )
-from .bias import free_bias, trace_of
+from .bias import free_bias, stray, trace_of
 from .position import NU0, NU1, V00, V11, Axes
 
 _OF_SIDE = 1e-3  # of one for which a side is alive
@@ -96,8 +94,7 @@ def _explain(belief: Belief, square: float, side: int) -> None:
         if side == RECEIVER:
             free_bias(hyp, more)
         else:
-            hyp.cov[X, X] += square
-            hyp.cov[Y, Y] += square
+            stray(hyp, square)
 
 
 @kernel(inline=True)

@@ -308,17 +308,14 @@ def pass_on(
     hyp = belief.hyp[i]
     bound = NO_BOUND if belief.state[0].mode == WHEELS else hyp.bound
     count, total = successors(belief, ctx, i, s, sigma, share * hyp.weight, bound)
-    on = p_drives_on(belief, ctx, hyp)
     if total <= 0.0:  # the map's border, or a one-way trap: what leaves is off road
-        on = 1.0
-    left = share * on
-    if left * hyp.weight < least or belief.state[0].count >= CAPACITY:
-        left = 0.0
-    if left > 0.0:
-        spawn(belief, i, left, OFF_ROAD, hyp.segment)
-    if total <= 0.0:
-        return left
-    return left + _give(belief, path, ctx, i, count, (share - left) / total, least)
+        spawn(belief, i, share, OFF_ROAD, hyp.segment)
+        return share
+    on = share * p_drives_on(belief, ctx, hyp)
+    if on * hyp.weight < least or belief.state[0].count >= CAPACITY:
+        return _give(belief, path, ctx, i, count, share / total, least)
+    spawn(belief, i, on, OFF_ROAD, hyp.segment)
+    return on + _give(belief, path, ctx, i, count, (share - on) / total, least)
 
 
 @kernel
