@@ -129,7 +129,7 @@ def best_chain(history: History, path: Path, roads: Roads) -> Chain:
     p[history.nodes.edge[:nodes] == OFF_ROAD] *= _OFF_ROAD_WEIGHT
     time = history.steps.time[:steps]
     weight = np.diff(time, append=time[-1]) + 0.1
-    best_path(history, weight, p, False, score, back, chain)
+    best_path(history, weight, p, score, back, chain)
     return _edges_of(_columns(history, path, roads), chain)
 
 

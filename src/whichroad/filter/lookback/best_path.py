@@ -24,19 +24,16 @@ def edge_probability(history: History, total: Vector) -> None:
 
 @entry
 def best_path(
-    history: History, weight: Vector, p: Vector, viterbi: bool, score: Vector, back: Ints,
-    path: Ints,
-) -> None:  # fmt: skip
-    """The best chain of linked nodes, one a step.
+    history: History, weight: Vector, p: Vector, score: Vector, back: Ints, path: Ints
+) -> None:
+    """The chain of linked nodes, one a step, of the largest Σ weight · P(edge).
 
-    Either that of the largest Σ weight · P(edge) along links of some share, or (Viterbi) the
-    most probable one, P(last) Π f.
+    Links of hardly any share are left out.
 
     Args:
         history: The graph.
         weight: Of each step, (T,).
         p: P of each node's edge, (M,).
-        viterbi: Which.
         score: Buffer, (M,).
         back: Buffer, (M,).
         path: Filled with nodes, (T,).
@@ -48,17 +45,12 @@ def best_path(
         best = -1
         then = history.steps[step - 1].first_node if step > 0 else 0
         for j in range(history.steps[step].first_node, history.steps[step].end_node):
-            top = _best_origin(history, then, j, viterbi, score, back)
+            top = _best_origin(history, then, j, score, back)
             if back[j] < 0:
                 back[j] = before
                 top = score[before] if before >= 0 else 0.0
-            score[j] = top if viterbi else top + weight[step] * p[j]
-            value = score[j]
-            if viterbi:
-                value += math.log(max(history.nodes[j].p, 1e-300))
-            if best < 0 or value > score[best] + (
-                math.log(max(history.nodes[best].p, 1e-300)) if viterbi else 0.0
-            ):
+            score[j] = top + weight[step] * p[j]
+            if best < 0 or score[j] > score[best]:
                 best = j
     for step in range(steps - 1, -1, -1):
         path[step] = best
@@ -66,9 +58,7 @@ def best_path(
 
 
 @kernel
-def _best_origin(
-    history: History, then: int, j: int, viterbi: bool, score: Vector, back: Ints
-) -> float:
+def _best_origin(history: History, then: int, j: int, score: Vector, back: Ints) -> float:
     """The best score of the nodes that node j came from; `back` of j is set, -1: none."""
     first = history.nodes[j].first_link
     end = history.nodes[j].end_link
@@ -82,8 +72,7 @@ def _best_origin(
         if share < min(_LEAST_SHARE, heaviest):
             continue
         i = then + history.links[at].origin
-        value = score[i] + (math.log(share) if viterbi else 0.0)
-        if value > top:
-            top = value
+        if score[i] > top:
+            top = score[i]
             back[j] = i
     return top
