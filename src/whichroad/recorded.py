@@ -35,6 +35,7 @@ from .filter.summary.estimate import Output, new_output
 from .filter.vetting.latency import assume_delay
 from .geodesy.angles import heading_of, radians
 from .global_start import is_vague, search, start_at, start_of_coarse_fix
+from .graph.network import copied
 from .lookback.path import Chain, best_chain, heaviest_chain, tidied
 from .lookback.smoothing import Lag, Past, entries_in_use, smooth
 from .observations import StartPose
@@ -129,7 +130,7 @@ def localize_recorded(
             track.states.append(states_of(belief, timeline.sensors, int(epochs.gyro[done - 1])))
         if progress is not None:
             progress(done)
-    vetting = belief.state.vetting[0].copy()
+    vetting = copied(belief.state)[0].vetting
     further = further_findings(timeline.sensors, belief.state.sensors[0])
     counts = readings_of(timeline.sensors, belief.state.sensors[0])
     off = map_error_of(belief, settings, roads.plane)

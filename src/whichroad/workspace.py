@@ -9,7 +9,7 @@ from .filter.evidence.evidence_kinds import NO_EVIDENCE, Evidence
 from .filter.lookback.history import History, enlarged, new_history
 from .filter.lookback.smoother import SmootherBuffers, new_buffers
 from .filter.state import Belief, Context, Path, new_belief, new_path, new_work
-from .graph.network import Roads
+from .graph.network import Roads, bytes_of, clear, copied
 from .settings import Settings, Vehicle, parameters
 
 _ENTRIES = 1 << 15  # of the path tree, initial capacity
@@ -45,7 +45,7 @@ class Workspace:
     def belief(self, lineage: bool) -> Belief:
         """An empty belief, with lineage where its history is stored."""
         belief = self._beliefs[lineage]
-        belief.state[:] = self._empty.state
+        bytes_of(belief.state)[:] = bytes_of(self._empty.state)
         return belief
 
     def path(self) -> Path:
@@ -66,10 +66,9 @@ class Workspace:
         """An empty history, and buffers to smooth it."""
         if self._smoother is None:
             self._history, self._smoother = new_history(_STEPS), new_buffers()
-        self._smoother.belief.state.fill(0)
-        self._history.count.fill(0)
-        self._history.since.fill(0)
-        self._history.reference.fill(0)
+        history = self._history
+        for table in (self._smoother.belief.state, history.count, history.since, history.reference):
+            clear(table)
         return self._history, self._smoother
 
     def enlarged(self, history: History) -> History:
@@ -83,7 +82,7 @@ class Workspace:
 def entries_of(path: Path) -> Path:
     """The entries in use, as arrays of their own."""
     size = max(int(path.size[0]), 1)
-    return Path(path.entry[:size].copy(), path.size.copy())
+    return Path(copied(path.entry[:size]), path.size.copy())
 
 
 def without_states(history: History) -> History:
@@ -93,7 +92,7 @@ def without_states(history: History) -> History:
     """
     steps, nodes, links = history.count[0].tolist()
     return History(
-        history.steps[:steps].copy(), history.nodes[:nodes].copy(), history.states[:0].copy(),
-        history.links[:links].copy(), history.since.copy(), history.reference.copy(),
-        history.count.copy(),
+        copied(history.steps[:steps]), copied(history.nodes[:nodes]), history.states[:0].copy(),
+        copied(history.links[:links]), copied(history.since), copied(history.reference),
+        copied(history.count),
     )  # fmt: skip

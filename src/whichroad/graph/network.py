@@ -10,6 +10,7 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._compile import Array, Ints, Ints32, Records, kernel
 
@@ -101,6 +102,26 @@ class Roads(NamedTuple):
 def records(n: int, dtype: np.dtype[Any]) -> Records:
     """Cleared records of which fields are attributes: `a[i].x`, and the column `a.x`."""
     return np.zeros(n, dtype).view(np.recarray)
+
+
+def bytes_of(table: NDArray[Any]) -> memoryview:
+    """The bytes of records, read and written in place: field by field takes a hundred times longer.
+
+    Args:
+        table: In C order.
+    """
+    buffer: Any = table.view(np.ndarray).reshape(-1).view(np.uint8)
+    return memoryview(buffer)
+
+
+def clear(table: NDArray[Any]) -> None:
+    """Set all fields of records to zero."""
+    np.asarray(bytes_of(table)).fill(0)
+
+
+def copied(table: NDArray[Any]) -> Records:
+    """Records of one's own."""
+    return np.frombuffer(bytearray(bytes_of(table)), table.dtype).view(np.recarray)
 
 
 @kernel

@@ -16,6 +16,7 @@ from ..filter.lookback.history import History, enlarged, is_full, new_history
 from ..filter.lookback.smoother import SmootherBuffers, Span, new_buffers, smooth_span, smooth_step
 from ..filter.state import Belief, Context, Path
 from ..filter.summary.estimate import Output, new_output
+from ..graph.network import copied
 from ..observations import Array
 from ..roadmap import RoadMap
 from .path import Alternative, alternatives, tidied
@@ -195,7 +196,7 @@ def smooth(past: Past, ctx: Context, buffers: SmootherBuffers | None = None) -> 
     Returns:
         An estimate of each epoch; those before the first estimate stay empty.
     """
-    output = Output(past.filtered.rows.copy(), past.filtered.alt_pose.copy())
+    output = Output(copied(past.filtered.rows), past.filtered.alt_pose.copy())
     steps = int(past.history.count[0].steps)
     if not steps or past.lag.length == 0.0:
         return output

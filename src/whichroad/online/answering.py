@@ -4,9 +4,10 @@ from typing import Any
 
 from ..filter.state import Belief
 from ..filter.summary.estimate import Output
+from ..graph.network import bytes_of
 from ..places import StanceReader, places_on
 from ..roadmap import RoadMap
-from .epoch_filter import EpochFilter, bytes_of, living_words, words_of
+from .epoch_filter import EpochFilter, living_words, words_of
 from .estimates import Estimate
 
 FarFix = tuple[float, float]  # time of the last fix (s), m that it lies away if not believed

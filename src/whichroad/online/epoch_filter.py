@@ -35,6 +35,7 @@ from ..filter.step import run
 from ..filter.summary.estimate import ESTIMATE, new_output
 from ..filter.summary.node_shares import ORIGIN
 from ..filter.vetting.windows import BY_WHEELS
+from ..graph.network import bytes_of
 from ..tables.status import far_off
 
 _NO_HISTORY = new_history(0)
@@ -76,12 +77,6 @@ def at_word(dtype: np.dtype[Any], name: str) -> int:
     offset = offset_of(dtype, name)
     assert offset % _WORD == 0
     return offset // _WORD
-
-
-def bytes_of(table: NDArray[Any]) -> memoryview:
-    """The bytes of a table, to be read and written in place."""
-    buffer: Any = table.view(np.ndarray).reshape(-1).view(np.uint8)
-    return memoryview(buffer)
 
 
 class Row(NamedTuple):

@@ -51,6 +51,7 @@ _MOST = 0.97  # P(goes on) from fix to fix at most: who leaves must not be misse
 _PAUSE, _FORGOTTEN = 60.0, 100.0  # s; and after a pause of more than the first
 
 _AWAY = 15.0  # m and three sigmas of the fix, from which on it may have left
+_FEW = 1e-3  # least weight of one that leaves
 _LEAVES = 0.3  # P that it has; and
 _BACK = 0.7  # P that it then drives from one of the roads beside, and not off the roads
 _ROADS, _FARTHER = 4, 15.0  # so many, and no m farther than the nearest one,
@@ -152,7 +153,8 @@ def leave_parking(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: f
         hyp.stood += dt
         dx = (epoch.fix[0] - hyp.mu[X]) / state.scale
         dy = (epoch.fix[1] - hyp.mu[Y]) / state.scale
-        if math.hypot(dx, dy) < _AWAY + 3.0 * epoch.fix[2] or state.count >= CAPACITY:
+        away = math.hypot(dx, dy) >= _AWAY + 3.0 * epoch.fix[2]
+        if not away or hyp.weight < _FEW or state.count >= CAPACITY:
             rescale(hyp, goes_on)  # as one on the road; who leaves comes back to where it was
             continue
         belief.hyp[spawn(belief, i, (1.0 - _BACK) * _LEAVES, OFF_ROAD, hyp.segment)].stood = 0.0

@@ -1,5 +1,6 @@
 """The estimate of an epoch: moments of the mixture, roads, status."""
 
+import functools
 import math
 from typing import Annotated, NamedTuple
 
@@ -89,14 +90,19 @@ class Output(NamedTuple):
     alt_pose: Cube
 
 
-def new_output(n: int, poses: bool) -> Output:
-    """Empty output for n epochs; `poses`: with those of the alternatives."""
+@functools.cache
+def _empty_row() -> Estimates:
+    """(1,) an estimate of nothing."""
     row = records(1, ESTIMATE)
     row.edge = NO_EDGE
     row.status = LOST
     row.alt_edge = NO_EDGE
-    rows = np.repeat(row, n)
-    return Output(rows, np.zeros((n if poses else 0, ALTERNATIVES, POSE)))
+    return row
+
+
+def new_output(n: int, poses: bool) -> Output:
+    """Empty output for n epochs; `poses`: with those of the alternatives."""
+    return Output(np.repeat(_empty_row(), n), np.zeros((n if poses else 0, ALTERNATIVES, POSE)))
 
 
 @entry
