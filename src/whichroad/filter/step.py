@@ -13,6 +13,7 @@ from .gnss.inflation import bias_time
 from .gnss.noise import observe_across
 from .gnss.separation import watch
 from .gnss.silence import SPARSE, observe_after_silence, stands
+from .gnss.standstill import driven_off
 from .gnss.start import is_far_finer, start_at_fix
 from .gnss.update import observe_fix, observe_standing
 from .gyro import rest
@@ -204,7 +205,7 @@ def _predict(
         odometer = dt if mode == CLOCK else epoch.arc
         unseen = epoch.time - state.reports.speed[1] > _SPEED_KEPT
         q = blind_noise(ctx.par[0], odometer, metres, mode, unseen, heard)
-        q = _noise(state, epoch, q, metres, mode)
+        q = driven_off(state.still, history.since[0], _noise(state, epoch, q, metres, mode))
         if len(history.steps) > 0:
             history.since[0].drawn |= 1 - state.knows_heading
             accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0, odometer), q)

@@ -85,12 +85,22 @@ def stands(belief: Belief, epoch: Record, dt: float) -> bool:
     Its speed says so; where it reports none, its fixes do.
     """
     state = belief.state[0]
-    since = epoch.time - state.vetting.windows.speed_time
+    since = epoch.time - min(state.vetting.windows.speed_time, state.last_fix)
     if not epoch.has_fix and state.vetting.refused[SPEED] == 0 and since <= SPARSE:
-        return bool(state.standing > 0.0)  # as its last fix said
+        return bool(state.still.said == 1)
+    said = _says_so(belief, epoch, dt)
+    state.still.said = 1 if said else 0
+    return said
+
+
+@kernel(inline=True)
+def _says_so(belief: Belief, epoch: Record, dt: float) -> bool:
+    """The same of an epoch with a fix, or of one whose last fix reported no speed."""
+    state = belief.state[0]
     if epoch.speed_sigma > _NO_SPEED:
+        stood = state.still.stands == 1
         still = is_still(state, epoch, dt, SPARSE)
-        if still and state.standing == 0.0:
+        if still and not stood:
             for i in range(state.count):
                 redraw(belief.hyp[i], K, 0.0, _LEFT**2)
         return still

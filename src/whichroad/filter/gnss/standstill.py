@@ -13,12 +13,14 @@ Then the vehicle is not said to stand, and all is as it was.
 import math
 
 from ..._compile import Record, kernel
+from ..motion import Noise
 
 _TIME = 4.0  # s, T
 _AGE = 12.0  # s of fixes, before which nothing is said
 _SLOW = 0.5  # m/s; what may be faster by two sigmas does not stand
 _LEAVES = 3.5  # sigmas of white noise, and m, from which on one fix shows that it has left
 _ASIDE = 1.0
+_SETS_OUT = 1.5  # m/s², a
 _WANDERED = 2.0  # reported sigmas from where it came to stand, beyond which it has crept on
 _WHITE = 0.25  # white variance over the reported one, at least
 
@@ -35,7 +37,7 @@ def is_still(state: Record, epoch: Record, dt: float, longest: float) -> bool:
     """
     still = state.still
     if not epoch.has_fix:
-        return bool(still.stands == 1)
+        return bool(still.stands == 1 and epoch.time - still.time <= longest)
     fix = epoch.fix
     since = epoch.time - still.time
     still.time = epoch.time
@@ -62,12 +64,37 @@ def is_still(state: Record, epoch: Record, dt: float, longest: float) -> bool:
     crept = math.hypot(still.near[0] - still.at[0], still.near[1] - still.at[1]) / state.scale
     if left > _LEAVES * white + _ASIDE or crept > _WANDERED * fix[2]:
         still.stands = 0
+        still.left = max(left, crept)
         state.standing = 0.0
         if crept > _WANDERED * fix[2]:
             _begin(still, fix[0], fix[1])
         return False
     state.moving += dt  # the receiver's error goes on
     return True
+
+
+@kernel
+def driven_off(still: Record, since: Record, noise: Noise) -> Noise:
+    """Process noise with that of an epoch in which it is found out that the vehicle has left.
+
+    It left some seconds ago, and drives by now: metres d after it set out its speed is √(2 a d).
+    Smoothed, it is not moved on before.
+
+    Args:
+        still: In place.
+        since: `filter.lookback.history.MOTION` since the last step, in place.
+        noise: Without it.
+    """
+    left = float(still.left)
+    if left <= 0.0:
+        return noise
+    still.left = 0.0
+    since.switched = 1
+    speed = math.sqrt(2.0 * _SETS_OUT * left)
+    return Noise(
+        noise.along + left * left, noise.across, noise.heading, noise.rate + speed * speed,
+        noise.drift, noise.cross + left * speed,
+    )  # fmt: skip
 
 
 @kernel

@@ -51,7 +51,7 @@ _MOST = 0.97  # P(goes on) from fix to fix at most: who leaves must not be misse
 _PAUSE, _FORGOTTEN = 60.0, 100.0  # s; and after a pause of more than the first
 
 _AWAY = 15.0  # m and three sigmas of the fix, from which on it may have left
-_FEW = 1e-3  # least weight of one that leaves
+_FEW = 2e-4  # least weight of one that leaves
 _LEAVES = 0.3  # P that it has; and
 _BACK = 0.7  # P that it then drives from one of the roads beside, and not off the roads
 _ROADS, _FARTHER = 4, 15.0  # so many, and no m farther than the nearest one,

@@ -108,7 +108,9 @@ STILL = np.dtype(
         ("at", "f8", (2,)),  # where the vehicle came to stand
         ("time", "f8"),  # of the last fix, s
         ("age", "f8"),  # s of fixes that are in it; negative: none
+        ("left", "f8"),  # m by which a fix shows that it has left, until it is moved by them
         ("stands", "u1"),  # 1: the fixes stay where they are
+        ("said", "u1"),  # 1: the last fix, by its speed or place, says that it stands
     ],
     align=True,
 )
