@@ -1,6 +1,7 @@
 """Loops, U-turns, dead ends and driveways; time, speed and place on every edge."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import whichroad
@@ -83,3 +84,49 @@ def test_fixes_far_apart_are_joined_by_the_streets_between(every):
     assert streets(result) == list(way[1:-1])
     path = result.path
     assert (path.to_node[:-1].to_numpy() == path.from_node[1:].to_numpy()).all()
+
+
+def wander(rng: np.random.Generator, steps: int) -> np.ndarray:
+    """Plane points of crossings passed at random, never turning round."""
+    at, step = rng.integers(0, 5, 2), np.zeros(2, int)
+    names = [at]
+    for _ in range(steps):
+        ways = [np.array(way) for way in ((0, 1), (0, -1), (1, 0), (-1, 0))]
+        ways = [way for way in ways if np.isin(at + way, range(5)).all() and (way != -step).any()]
+        step = ways[rng.integers(len(ways))]
+        at = at + step
+        names.append(at)
+    line = BLOCK * np.array(names, float)
+    line[0] += rng.uniform(0.1, 0.9) * (line[1] - line[0])
+    line[-1] += rng.uniform(0.1, 0.9) * (line[-2] - line[-1])
+    return line
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+@pytest.mark.parametrize("every", [10.0, 30.0, 60.0])
+def test_the_edges_driven_share_the_whole_time_of_a_trip_by_their_lengths(every, lag):
+    rng = np.random.default_rng(int(every))
+    trips = []
+    for k in range(40):
+        seen = fixes(wander(rng, 30), every=every, seed=k)
+        trips.append(pd.DataFrame({**seen, "trip_id": f"t{k:02}"}))
+    tables = whichroad.match_many(pd.concat(trips), roads(), lag=lag)
+    path = tables.path.to_pandas()
+    points = tables.points.to_pandas()
+    whole = 0  # without a gap
+    for name, rows in path.groupby("drive_id"):
+        following = rows.enter_time.iloc[1:].to_numpy()
+        assert (rows.exit_time.iloc[:-1].to_numpy() == following).all(), name
+        assert rows.enter_time.is_monotonic_increasing, name
+        if rows.broken_rule.eq("gap").any():
+            continue
+        time = points.time[points.drive_id == name]
+        lasted = (time.max() - time.min()).total_seconds()
+        assert rows.duration_s.sum() == pytest.approx(lasted, abs=0.01), name
+        whole += 1
+    assert whole >= 39
+    way = path.exit_m - path.enter_m
+    assert not ((path.duration_s == 0.0) & (way > 20.0)).any()
+    assert path.mean_speed_mps.max() < 25.0  # 10 m/s were driven
+    speeds = whichroad.speeds(tables.path, hours=False, drives=tables.drives).to_pandas()
+    assert speeds.speed_mps.max() < 25.0

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from scenes import network
 from whichroad._compile import Records
@@ -84,6 +85,53 @@ def test_an_unsure_point_does_not_hold_the_path_back():
     driven = passed([(0, 0.0), (2, 6.5)], seen)
     assert driven[0].exit_time <= 5.0
     assert driven[1].p == np.float32(0.999)
+
+
+def test_edges_that_no_point_has_seen_get_the_time_from_the_start_by_their_lengths():
+    """The first fix was answered on another road, and its own found at the second."""
+    driven = passed([(0, 0.0), (2, 20.0), (4, 60.0)], [(0.0, 7, 5.0, 0.6), (60.0, 4, 40.0, 0.999)])
+    assert driven[0].enter_time == 0.0
+    assert driven[0].exit_time == 25.0
+    assert driven[1].exit_time == 50.0
+    assert driven[2].exit_time == 60.0
+
+
+def test_a_fix_that_sees_no_edge_of_the_path_is_on_that_of_its_time():
+    """Evenly it would be on the first edge after 60 s, and was on the second by then."""
+    seen = [(0.0, 7, 5.0, 0.6), (60.0, 7, 9.0, 0.6), (240.0, 4, 40.0, 0.999)]
+    driven = passed([(0, 0.0), (2, 60.0), (4, 240.0)], seen)
+    assert driven[0].exit_time == 60.0
+    assert driven[1].exit_time == pytest.approx(60.0 + 180.0 * 100.0 / 140.0)
+
+
+def test_a_sight_after_the_path_s_time_on_an_edge_hurries_no_other():
+    """The path was to be on the second edge from 20 s on, and is on the third at 32 s."""
+    seen = [(0.0, 0, 10.0, 0.999), (30.0, 0, 90.0, 0.999), (31.0, 7, 9.0, 0.6)]
+    seen += [(32.0, 7, 9.0, 0.6), (45.0, 4, 40.0, 0.999)]
+    driven = passed([(0, 0.0), (2, 20.0), (4, 25.0)], seen)
+    assert driven[1].exit_time - driven[1].enter_time == pytest.approx(10.0)
+
+
+def test_two_fixes_around_a_turn_on_the_spot_share_their_time_without_overlap():
+    driven = passed([(0, 0.0), (1, 0.0)], [(0.0, 7, 5.0, 0.3), (10.0, 1, 70.0, 0.4)])
+    assert driven[0].enter_time == 0.0
+    assert driven[1].exit_time == 10.0
+    assert sum(r.exit_time - r.enter_time for r in driven) == 10.0
+
+
+def test_the_first_sight_says_where_the_first_edge_was_entered():
+    """A later fix has moved the start that the hypothesis had."""
+    chain, seen = [(0, 0.0), (2, 5.0)], [(0.0, 0, 90.0, 0.999), (5.0, 2, 40.0, 0.999)]
+    assert passed(chain, seen)[0].enter_m == 90.0
+
+
+def test_the_first_edge_of_a_path_gets_the_time_of_those_cut_off_before_it():
+    driven = records(3, TRAVERSAL)
+    driven.p[:] = 0.2, 0.9, 0.9
+    driven.exit_m[:] = 20.0, 90.0, 50.0
+    driven.enter_time[:] = 0.0, 8.0, 40.0
+    left, _ = trimmed(driven, np.array([0, 3]))
+    assert left.enter_time.tolist() == [0.0, 40.0]
 
 
 def test_several_paths_begin_where_each_would_alone():

@@ -34,9 +34,12 @@ def _improbable(driven: Traversals) -> NDArray[np.bool_]:
 
 
 def _begin(driven: Traversals) -> int:
-    """The first edge of a path that it may begin with."""
+    """The first edge of a path that it may begin with; it gets the time of those before it."""
     begins = np.flatnonzero(~_improbable(driven))
-    return int(begins[0]) if len(begins) else 0
+    begin = int(begins[0]) if len(begins) else 0
+    if not driven.gap[1 : begin + 1].any():
+        driven.enter_time[begin] = driven.enter_time[0]
+    return begin
 
 
 def trimmed(driven: Traversals, first: NDArray[np.int64]) -> tuple[Traversals, NDArray[np.int64]]:

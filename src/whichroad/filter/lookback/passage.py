@@ -2,10 +2,11 @@
 
 An edge of the path is *seen* at the epochs whose most probable edge it is.  It is driven from
 the first to the last of them at least, so that points and path agree, and left between the last
-one and the first at which an edge behind it is seen.
+one and the first at which an edge behind it is seen.  An edge that is never seen has the times at
+which its length is driven between the sights around, or from the start or to the end of the drive.
 """
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -116,14 +117,14 @@ def time_edges(
     _see_where_sure(driven, first, estimates, last_epoch)
     _see_elsewhere(driven, first, estimates, last_epoch)
     for i in range(rows):
-        driven[i].gap = i > 0 and not joins(roads, driven[i - 1].edge, driven[i].edge)
+        own = driven[i]
+        own.gap = i > 0 and not joins(roads, driven[i - 1].edge, own.edge)
+        if own.first_seen == first[i] and own.last_seen >= 0:  # a sight knows better
+            own.along = estimates[own.first_seen].s
     for i in range(rows):
-        high = first[i + 1] if i + 1 < rows else last_epoch + 1
-        driven[i].enter_time = driven[i].entered
-        driven[i].exit_time = epochs[min(high, len(epochs) - 1)].time
         _place_ends(roads, driven, i, estimates)
     _bridge(driven, first, estimates, last_epoch)
-    _time_nodes(driven, epochs, estimates)
+    _time_nodes(driven, first, epochs, estimates, last_epoch)
 
 
 @kernel
@@ -250,36 +251,81 @@ def _p_on_path(driven: Traversals, low: int, high: int, estimate: Record) -> flo
     return total
 
 
+class _Place(NamedTuple):
+    """Where on the path the vehicle is at a time."""
+
+    row: int  # of the path
+    begin: float  # distance along the path at which the row begins, m
+    far: float  # of the vehicle, m
+    time: float  # s
+    epoch: int
+
+
 @kernel
-def _time_nodes(driven: Traversals, epochs: Epochs, estimates: Estimates) -> None:
-    """Times at which one edge ended and the next began, between the sights around.
+def _time_nodes(
+    driven: Traversals, first: Ints, epochs: Epochs, estimates: Estimates, last_epoch: int
+) -> None:
+    """Times at which one edge ended and the next began, from the start to the last epoch.
 
     Hypotheses branch a little before or after the node is passed.  Positions are brought to
     distances along the path, at which the vehicle drives evenly from one sight to the next.
     """
-    rows, seen = len(driven), 0
-    far, when = 0.0, 0.0  # distance along the path at the last sight, and its time
-    end = 0.0  # distance of the end of edge `node`
-    node, base = 0, 0.0
+    rows = len(driven)
+    begin = 0.0
+    place = _Place(0, 0.0, 0.0, driven[0].entered, first[0] - 1)
     for i in range(rows):
         length = driven[i].exit_m - driven[i].enter_m
         for k in range(driven[i].first_seen, driven[i].last_seen + 1):
             if estimates[k].edge != driven[i].edge:
                 continue
-            time = epochs[k].time
-            at = base + min(max(estimates[k].s - driven[i].enter_m, 0.0), length)
-            while node < i:
-                end += driven[node].exit_m - driven[node].enter_m
-                part = min(max((end - far) / (at - far), 0.0), 1.0) if at > far else 1.0
-                driven[node].exit_time = when + part * (time - when) if seen else time
-                node += 1
-            seen, far, when = seen + 1, at, time
-        base += length
-    if seen < 2:
-        return
-    for i in range(node, rows - 1):
-        driven[i].exit_time = when
-    before = driven[0].enter_time
+            far = begin + min(max(estimates[k].s - driven[i].enter_m, 0.0), length)
+            seen = _Place(i, begin, far, epochs[k].time, k)
+            _drive(driven, first, epochs, place, seen)
+            place = seen
+        if i + 1 < rows:
+            begin += length
+    end = begin + driven[rows - 1].exit_m - driven[rows - 1].enter_m
+    time = max(epochs[last_epoch].time, place.time)
+    _drive(driven, first, epochs, place, _Place(rows - 1, begin, end, time, last_epoch))
+    driven[rows - 1].exit_time = time
+    before = driven[0].entered
     for i in range(rows):
         driven[i].enter_time = before
         before = driven[i].exit_time = max(driven[i].exit_time, before)
+
+
+@kernel
+def _drive(driven: Traversals, first: Ints, epochs: Epochs, since: _Place, to: _Place) -> None:
+    """Leave the edges between two places, being on the path's edge at each epoch between."""
+    place = since
+    row = since.row
+    begin = since.begin
+    for k in range(since.epoch + 1, to.epoch):
+        while row < to.row and first[row + 1] <= k:
+            begin += driven[row].exit_m - driven[row].enter_m
+            row += 1
+        if first[row] > k or first[row + 1] <= k:
+            continue
+        early = row > since.row and first[row] <= since.epoch
+        if early or (row < to.row and first[row + 1] > to.epoch):  # the sights say otherwise
+            continue
+        time = epochs[k].time
+        part = (time - place.time) / max(to.time - place.time, 1e-9)
+        even = place.far + min(max(part, 0.0), 1.0) * (to.far - place.far)
+        far = min(max(even, begin), begin + driven[row].exit_m - driven[row].enter_m)
+        if far != even:
+            turn = _Place(row, begin, far, time, k)
+            _leave(driven, place, turn)
+            place = turn
+    _leave(driven, place, to)
+
+
+@kernel
+def _leave(driven: Traversals, since: _Place, to: _Place) -> None:
+    """Leave the edges between two places, driving evenly."""
+    end = since.begin
+    for i in range(since.row, to.row):
+        end += driven[i].exit_m - driven[i].enter_m
+        way = to.far - since.far
+        part = min(max((end - since.far) / way, 0.0), 1.0) if way > 0.0 else 1.0
+        driven[i].exit_time = since.time + part * (to.time - since.time)
