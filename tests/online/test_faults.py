@@ -56,3 +56,63 @@ def test_a_gyro_that_never_turns_is_none_before_the_first_bend():
         if said.answered:
             assert math.hypot(said.pose.x - x, said.pose.y - y) < said.protection_level
     assert said.pose.y < -60.0
+
+
+def stop_and_go(stops: list[float], end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Seconds, a tenth each, and m driven: 12 m/s, with stops of 20 s at some metres."""
+    s, v, way, left = 0.0, 12.0, [], dict.fromkeys(stops, 20.0)
+    while s < end:
+        ahead = next((at for at in stops if left[at] > 0.0), math.inf)
+        if s >= ahead - 0.5 * v * v / 2.5 - 0.01:
+            v = max(v - 0.25, 0.0)
+            left[ahead] -= 0.1 if v == 0.0 else 0.0
+        else:
+            v = min(v + 0.25, 12.0)
+        way.append(s)
+        s += 0.1 * v
+    return 1e9 + 0.1 * np.arange(len(way)), np.array(way)
+
+
+def driven(
+    time: np.ndarray, s: np.ndarray, counted: np.ndarray, every: int, late: float, until: float
+) -> list[tuple[float, float]]:
+    """Errors and levels, m, of a drive along the avenue whose fixes come so late, s."""
+    rng = np.random.default_rng(1)
+    readings: list[tuple[float, Observation]] = [
+        (t, WheelTicks(t, c, c))
+        for t, c in zip(time.tolist(), (100.0 * counted).tolist(), strict=True)
+    ]
+    speed = np.gradient(s, time)
+    for k in range(0, len(time), every):
+        if time[k] < until:
+            x, y = rng.normal([20.0 + s[k], -1.75], 1.0)
+            fix = town_fix(x, y, float(time[k]), speed=float(speed[k]), sigma_speed=0.3)
+            readings.append((time[k] + late, fix))
+    online, found = Localizer(TOWN, vehicle=CAR), []
+    for _, reading in sorted(readings, key=lambda r: r[0]):
+        said = online.update(reading)
+        if said.answered and isinstance(reading, WheelTicks):
+            place = 20.0 + np.interp(said.time, time, s)
+            error = math.hypot(said.pose.x - place, said.pose.y + 1.75)
+            found.append((error, said.protection_level))
+    return found
+
+
+@pytest.mark.parametrize("late", [0.0, 0.03])
+def test_who_drives_off_while_the_counters_are_withheld_is_moved_by_late_fixes(late: float):
+    """The counters stood still for 50 s before the stop, and are sound since then."""
+    time, s = stop_and_go([700.0], 1200.0)
+    stuck = (s > 100.0) & (s < 695.0)
+    counted = np.cumsum(np.where(stuck, 0.0, np.diff(s, prepend=0.0)))
+    found = np.array(driven(time, s, counted, 2, late, math.inf))
+    assert (found[:, 0] < found[:, 1])[600:].all()
+
+
+def test_who_drives_off_without_fixes_while_the_counters_are_withheld_is_covered_by_the_level():
+    """Both wheels lock twice before a stop, where the sky is lost; then they are sound."""
+    time, s = stop_and_go([500.0, 620.0], 1000.0)
+    locked = ((s > 484.0) & (s < 496.0)) | ((s > 604.0) & (s < 616.0))
+    counted = np.cumsum(np.where(locked, 0.0, np.diff(s, prepend=0.0)))
+    stands = time[np.flatnonzero(s > 619.0)[0]]
+    found = np.array(driven(time, s, counted, 10, 0.0, stands + 6.0))
+    assert (found[:, 0] < found[:, 1])[200:].all()

@@ -97,7 +97,7 @@ def stands(belief: Belief, epoch: Record, dt: float) -> bool:
 def _says_so(belief: Belief, epoch: Record, dt: float) -> bool:
     """The same of an epoch with a fix, or of one whose last fix reported no speed."""
     state = belief.state[0]
-    if epoch.speed_sigma > _NO_SPEED:
+    if not epoch.has_fix or epoch.speed_sigma > _NO_SPEED:
         stood = state.still.stands == 1
         still = is_still(state, epoch, dt, SPARSE)
         if still and not stood:
