@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from ..._compile import Record, Vector, kernel
-from ...graph.geometry import locate, wrap
+from ...graph.geometry import locate, project, wrap
 from ...graph.network import Roads
 from .._simd import N, add_times, set_times
 from ..along import CORNER_SIGMA
@@ -279,9 +279,11 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
         _keep_standing(model, history.states[link.j], par)
         return True
     later = history.states[link.j].mu
+    x, y = later[X] + model.scale * later[MX], later[Y] + model.scale * later[MY]
+    _, to, _, _, _ = project(ctx.roads, edge, history.nodes[link.j].segment, x, y)
     step = history.steps[link.step]
     keep, old, far, cross, sigma = speed_process(dt, step.speed_sigma)
-    usual = step.pace * usual_speed(ctx.roads, skipped, time, edge)
+    usual = step.pace * usual_speed(ctx.roads, skipped, time, edge, to)
     distance = usual * (dt - old) + mean[K] * old
     advance = Advance(then.edge, then.segment, edge, skipped, distance, old)
     move_on_road(model, ctx.roads, advance, False)

@@ -107,11 +107,11 @@ def _transition(
     if pair.label >= 0:
         length = entry.length
         turn = entry.turn
-        usual = usual_speed(ctx.roads, length, entry.time, near.edge)
+        usual = usual_speed(ctx.roads, length, entry.time, near.edge, near.s)
     else:
         length = -hyp.along
         turn = 0.0
-        usual = usual_speed(ctx.roads, 0.0, 0.0, near.edge)
+        usual = usual_speed(ctx.roads, 0.0, 0.0, near.edge, 0.0)
     free = usual
     usual *= fix.pace
     along = usual * (fix.dt - old) + hyp.mu[K] * old - length

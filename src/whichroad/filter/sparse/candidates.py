@@ -69,11 +69,17 @@ def heavy_tail(variance: float, off: float, sigma: float) -> float:
 
 
 @kernel
-def usual_speed(roads: Roads, length: float, time: float, edge: int) -> float:
-    """Usual speed on a route of so many metres and seconds, m/s; of an edge without a route."""
-    if time > 0.5 and length > 1.0:
-        return length / time
-    return float(roads.edges[edge].speed)
+def usual_speed(roads: Roads, length: float, time: float, edge: int, to: float) -> float:
+    """Usual speed on a route of so many metres and seconds to the start of its last edge, m/s.
+
+    On that edge it goes on to an abscissa.  Without a route it is that of the edge.
+    """
+    speed = float(roads.edges[edge].speed)
+    to = max(to, 0.0)
+    time += to / max(speed, 1.0)
+    if time > 0.5 and length + to > 1.0:
+        return (length + to) / time
+    return speed
 
 
 @kernel

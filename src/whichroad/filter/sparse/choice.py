@@ -186,7 +186,7 @@ def _weigh_route(
     if label < 0:
         length = -start.s
         cost = query.per_metre * max(to - start.s, 0.0)
-        usual = usual_speed(ctx.roads, 0.0, 0.0, edge)
+        usual = usual_speed(ctx.roads, 0.0, 0.0, edge, 0.0)
     else:
         entry = search.label[label]
         if entry.parent < 0 and edge == ctx.roads.edges[belief.hyp[i].edge].opposite:
@@ -194,7 +194,7 @@ def _weigh_route(
         length = entry.length
         factor = float(ctx.roads.edges[edge].cost) / ctx.roads.edges[edge].length
         cost = entry.cost + query.per_metre * max(to, 0.0) * factor
-        usual = usual_speed(ctx.roads, length, entry.time, edge)
+        usual = usual_speed(ctx.roads, length, entry.time, edge, to)
     went = length + to
     if went < -SPAN * fix.sigma:
         return
@@ -228,7 +228,7 @@ def _in_time(ctx: Context, way: Way, start: Departure, fix: SparseFix) -> Way:
                 if least + new.cost >= nats:
                     continue
                 usual = usual_speed(
-                    ctx.roads, goal.length + new.length, goal.time + new.time, way.edge
+                    ctx.roads, goal.length + new.length, goal.time + new.time, way.edge, way.to
                 )
                 total = way.cost + new.cost
                 total += distance_cost(way.went + new.length, usual, start, fix)
@@ -295,7 +295,7 @@ def _weigh_turn(
         came, cost, time, turn, begin = entry.length, entry.cost, entry.time, entry.turn, 0.0
     nearest = max(begin, here)
     least = 2.0 * nearest - begin - here
-    usual = usual_speed(roads, came + least, time + least / max(float(road.speed), 1.0), edge)
+    usual = usual_speed(roads, came, time, edge, least)
     old = fix.process.distance_by_speed
     expected = fix.pace * usual * (fix.dt - old) + start.rate * old
     more = min(max(expected - came - least, 0.0), 2.0 * (road.length - nearest))

@@ -46,7 +46,7 @@ def weigh_rivals(belief: Belief, ctx: Context, p: int, fix: SparseFix) -> float:
         return 0.0
     start = departure_of(belief, ctx.roads, pair.source, fix)
     near, end = ctx.work.near[pair.goal], search.label[pair.label]
-    usual = usual_speed(ctx.roads, end.length, end.time, near.edge)
+    usual = usual_speed(ctx.roads, end.length, end.time, near.edge, near.s)
     nats = distance_cost(end.length + near.s, usual, start, fix)
     taken = Taken(near.edge, near.s, end.length, end.time, nats)
     first = place_of(search, search.run[0].first)
@@ -85,7 +85,7 @@ def _weigh_list(
             continue
         length = taken.length + rival.length - way.length
         time = taken.time + rival.time - way.time
-        usual = usual_speed(ctx.roads, length, time, taken.edge)
+        usual = usual_speed(ctx.roads, length, time, taken.edge, taken.to)
         more = rival.cost - way.cost - taken.nats
         more += distance_cost(length + taken.to, usual, start, fix)
         weight = math.exp(-SHARPNESS * more)

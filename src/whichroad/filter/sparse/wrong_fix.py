@@ -151,7 +151,7 @@ def carry(
     """
     hyp = belief.hyp[row]
     tx, ty = hyp.tangent[0], hyp.tangent[1]
-    free = usual_speed(ctx.roads, 0.0, 0.0, int(hyp.edge))
+    free = usual_speed(ctx.roads, 0.0, 0.0, int(hyp.edge), 0.0)
     edge = ctx.work.search.label[label].edge if label >= 0 else hyp.edge
     length = ctx.work.search.label[label].length if label >= 0 else -hyp.along
     s = min(max(metres - length, 0.0), float(ctx.roads.edges[edge].length))
@@ -205,7 +205,7 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     track(belief, ctx.roads, top)
     begin = int(belief.hyp[top].edge)
     old = fix.process.distance_by_speed
-    usual = usual_speed(ctx.roads, 0.0, 0.0, begin)
+    usual = usual_speed(ctx.roads, 0.0, 0.0, begin, 0.0)
     metres = max(fix.pace * usual * (fix.dt - old) + belief.hyp[top].mu[K] * old, 0.0)
     label = _walk(ctx, begin, belief.hyp[top].along, metres)
     child = int(state.count)
