@@ -78,9 +78,11 @@ def driven(
 ) -> list[tuple[float, float]]:
     """Errors and levels, m, of a drive along the avenue whose fixes come so late, s."""
     rng = np.random.default_rng(1)
+    weaves = 0.75 * 0.03 * np.sin(2.0 * math.pi * counted / 150.0)  # by wheels that measure turns
+    left, right = (100.0 * (counted + side * weaves) for side in (-1.0, 1.0))
     readings: list[tuple[float, Observation]] = [
-        (t, WheelTicks(t, c, c))
-        for t, c in zip(time.tolist(), (100.0 * counted).tolist(), strict=True)
+        (t, WheelTicks(t, a, b))
+        for t, a, b in zip(time.tolist(), left.tolist(), right.tolist(), strict=True)
     ]
     speed = np.gradient(s, time)
     for k in range(0, len(time), every):
