@@ -87,14 +87,14 @@ def stands(belief: Belief, epoch: Record, dt: float) -> bool:
     state = belief.state[0]
     since = epoch.time - min(state.vetting.windows.speed_time, state.last_fix)
     if not epoch.has_fix and state.vetting.refused[SPEED] == 0 and since <= SPARSE:
-        return bool(state.still.said == 1)
-    said = _says_so(belief, epoch, dt)
-    state.still.said = 1 if said else 0
-    return said
+        return bool(state.still.at_rest == 1)
+    at_rest = _is_at_rest(belief, epoch, dt)
+    state.still.at_rest = 1 if at_rest else 0
+    return at_rest
 
 
 @kernel(inline=True)
-def _says_so(belief: Belief, epoch: Record, dt: float) -> bool:
+def _is_at_rest(belief: Belief, epoch: Record, dt: float) -> bool:
     """The same of an epoch with a fix, or of one whose last fix reported no speed."""
     state = belief.state[0]
     if not epoch.has_fix or epoch.speed_sigma > _NO_SPEED:

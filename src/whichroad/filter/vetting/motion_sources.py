@@ -110,7 +110,7 @@ STILL = np.dtype(
         ("age", "f8"),  # s of fixes that are in it; negative: none
         ("left", "f8"),  # m by which a fix shows that it has left, until it is moved by them
         ("stands", "u1"),  # 1: the fixes stay where they are
-        ("said", "u1"),  # 1: the last fix, by its speed or place, says that it stands
+        ("at_rest", "u1"),  # 1: the vehicle rests, by speed or place of the last fix
     ],
     align=True,
 )
