@@ -102,12 +102,18 @@ def test_a_receiver_that_stands_before_and_after_a_pause_may_have_moved(east: fl
     assert np.hypot(*(place - [there.x[0], there.y[0]]).T).max() < 10.0
 
 
-@pytest.mark.parametrize("stood", [0.0, 3.0])
-def test_between_fixes_a_vehicle_stands_as_its_last_fix_said(stood: float):
-    """Odometry that is withheld goes on to be heard, and has no speed of the receiver."""
+@pytest.mark.parametrize("rested", [False, True])
+@pytest.mark.parametrize("since", [0.4, 2.4, 2.6])
+def test_between_fixes_a_vehicle_stands_as_its_last_fix_said(rested: bool, since: float):
+    """Odometry that is withheld goes on to be heard, and has no speed of the receiver.
+
+    A fix that came with a newer reading has no duration; what it said counts.  So it does for no
+    longer than fixes are close together.
+    """
     belief = belief_on(network(straight_road()), [On(0, 500.0)])
     state, epoch = belief.state[0], new_epochs(1)[0]
-    state.mode, state.speed, state.standing = CLOCK, 0.2, stood
-    state.vetting.windows.speed, state.vetting.windows.speed_time = 0.1, 99.6
-    epoch.time, epoch.speed_sigma = 100.0, np.inf
-    assert stands(belief, epoch, 0.1) == (stood > 0.0)
+    state.mode, state.speed, state.standing = CLOCK, 0.2, 3.0
+    state.vetting.windows.speed, state.vetting.windows.speed_time = 0.1, 100.0
+    state.last_fix, state.still.at_rest = 100.0 - since, rested
+    epoch.time, epoch.speed, epoch.speed_sigma = 100.0, 0.0, 0.3
+    assert stands(belief, epoch, 0.1) == (rested and since < 2.5)
