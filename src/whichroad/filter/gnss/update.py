@@ -287,6 +287,19 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     return chi2
 
 
+@kernel
+def _count_misfit(belief: Belief, fix: Vector, far: bool) -> None:
+    """Count the fixes in a row that fit no hypothesis, and how far the last of them is."""
+    state = belief.state[0]
+    if not far:
+        state.misfits = 0.0
+        return
+    mean = belief.hyp[heaviest(belief)].mu
+    away = math.hypot(fix[0] - mean[X], fix[1] - mean[Y]) / state.scale
+    state.misfits += 1.0
+    state.vetting.misfit = away + 3.0 * fix[2]
+
+
 @kernel(inline=True)
 def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> float:
     """Y₁: position, course and speed of the epoch's fix.
@@ -329,8 +342,5 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
         _search(belief, path, ctx, epoch, white, far)
     observe_motion(belief, ctx, epoch, thin)
     state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
-    if far:
-        state.misfits += 1.0
-    else:
-        state.misfits = 0.0
+    _count_misfit(belief, fix, far)
     return chi2

@@ -56,7 +56,8 @@ STEP = np.dtype(
         # state of the filter at the step
         ("speed", "f8"),  # m/s
         ("last_fix", "f8"),  # time of the last fix, s
-        ("misfits", "f8"),  # fixes in a row that fit no hypothesis
+        ("misfits", "f8"),  # fixes in a row that fit no hypothesis,
+        ("misfit", "f8"),  # and how far the last of them is at most, m
         ("elsewhere", "f8", (2,)),  # P(moved while nothing was heard), and how far, m
         ("standing", "f8"),  # s of standing until then
         ("gnss_factor", "f8"),  # on reported variances
@@ -262,7 +263,7 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.first_node = count.nodes
     step.speed = state.speed
     step.last_fix = state.last_fix
-    step.misfits = state.misfits
+    step.misfits, step.misfit = state.misfits, state.vetting.misfit
     step.elsewhere[0] = state.elsewhere[0]
     step.elsewhere[1] = state.elsewhere[1]
     step.standing = state.standing

@@ -258,7 +258,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
     state.hindsight = 1
     state.speed = max(speed, 0.0) if state.mode == CLOCK else then.speed
     state.last_fix = then.last_fix
-    state.misfits = then.misfits
+    state.misfits, state.vetting.misfit = then.misfits, then.misfit
     state.elsewhere[0] = then.elsewhere[0]
     state.elsewhere[1] = then.elsewhere[1]
     state.standing = then.standing

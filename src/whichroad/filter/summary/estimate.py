@@ -188,7 +188,10 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     """P of what no hypothesis knows; where the vehicle may be elsewhere the estimate is wider."""
     if state.elsewhere[0] > 0.0:
         _widen(out, state.elsewhere[0], state.elsewhere[1])
-    lost = LOST_UNKNOWN if state.misfits >= _MISFITS else 0.0
+    lost = 0.0
+    if state.misfits >= _MISFITS:  # the fixes may be right
+        lost = LOST_UNKNOWN
+        _reach(out, state.vetting.misfit)
     departed = min(p_elsewhere(state), _MOST_DEPARTED)
     departed = departed if departed > _LEAST_DEPARTED else 0.0
     return float(max(least, state.elsewhere[0], lost, departed, p_turned_wrong(state)))
@@ -202,7 +205,12 @@ def _widen(out: Record, share: float, sigma: float) -> None:
     out.cov[3] += share * sigma * sigma
     out.map_cov[2] += share * sigma * sigma
     out.cov[5] += share * _ANY_HEADING
-    least = _WIDEST * sigma
+    _reach(out, _WIDEST * sigma)
+
+
+@kernel
+def _reach(out: Record, least: float) -> None:
+    """Widen the levels of an estimate to some metres at least."""
     out.protection_level = max(out.protection_level, least)
     out.level_along = max(out.level_along, least)
     out.level_across = max(out.level_across, least)

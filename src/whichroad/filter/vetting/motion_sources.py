@@ -61,6 +61,7 @@ VETTING = np.dtype(
         ("speed_sample", SAMPLE),  # at the odometer's distance, m
         ("turn_sample", SAMPLE),  # at its turns, rad
         ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
+        ("misfit", "f8"),  # m to the last fix that fitted no hypothesis, and three of its sigmas
         ("forked_at", "f8"),  # when a fix last fitted nothing, s,
         ("undecided_at", "f8"),  # and when the first one of such fixes did
         ("moved", "u1"),  # 1: the position was loosened at this epoch's fix
