@@ -570,7 +570,8 @@ def assert_beyond_at_the_risk(
             (w * np.exp(-0.5 * (np.maximum(r - away[known], 0.0) / wide) ** 2)).sum()
             for r in (0.999 * levels[k], 1.001 * levels[k])
         )
-        assert low >= risk * (1.0 - 1e-6)
+        if column(mode, "status")[k] != "lost":  # that reaches to a fix: demands/test_lost.py
+            assert low >= risk * (1.0 - 1e-6)
         assert high <= risk * (1.0 + 1e-6)
 
 
