@@ -545,12 +545,26 @@ def tails(mode: str) -> np.ndarray:
     return wider
 
 
+def reach(mode: str, k: int) -> float:
+    """Metres to the fix that is not believed, and three of its sigmas, of who is lost; else 0.
+
+    From the most probable hypothesis; levels are no shorter.
+    """
+    m, fix = mixtures(mode)[k], seen(mode).fixes[k]
+    if m is None or fix is None or column(mode, "status")[k] != "lost":
+        return 0.0
+    lon, lat = m.place[np.argmax(m.p)]
+    x, y = metres([lon, fix.lon_deg], [lat, fix.lat_deg])
+    return math.hypot(x[1] - x[0], y[1] - y[0]) + 3.0 * math.sqrt(fix.cov_ee)
+
+
 def assert_beyond_at_the_risk(
     mode: str, name: str, about: Callable[[Mixture, Any], tuple[Any, Any]]
 ) -> None:
     """Sum w exp(-max(level - d, 0)^2 / 2 sigma^2) = risk, to 1e-3 of every level.
 
     The sigmas are wider by `tails`, and with wheels the level is the one told over √(λ / λ₀).
+    Of who is lost it is `reach`, where that is more.
 
     Args:
         mode: The odometry.
@@ -570,7 +584,10 @@ def assert_beyond_at_the_risk(
             (w * np.exp(-0.5 * (np.maximum(r - away[known], 0.0) / wide) ** 2)).sum()
             for r in (0.999 * levels[k], 1.001 * levels[k])
         )
-        if column(mode, "status")[k] != "lost":  # that reaches to a fix: demands/test_lost.py
+        far = reach(mode, k)
+        if levels[k] <= far * (1.0 + 1e-6):
+            assert levels[k] == pytest.approx(far, rel=1e-6)
+        else:
             assert low >= risk * (1.0 - 1e-6)
         assert high <= risk * (1.0 + 1e-6)
 
