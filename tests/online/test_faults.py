@@ -115,6 +115,8 @@ def test_who_drives_off_without_fixes_while_the_counters_are_withheld_is_covered
     time, s = stop_and_go([500.0, 620.0], 1000.0)
     locked = ((s > 484.0) & (s < 496.0)) | ((s > 604.0) & (s < 616.0))
     counted = np.cumsum(np.where(locked, 0.0, np.diff(s, prepend=0.0)))
-    stands = time[np.flatnonzero(s > 619.0)[0]]
-    found = np.array(driven(time, s, counted, 10, 0.0, stands + 6.0))
+    stands = int(np.flatnonzero(s > 619.0)[0])
+    found = np.array(driven(time, s, counted, 10, 0.0, time[stands] + 6.0))
     assert (found[:, 0] < found[:, 1])[200:].all()
+    first, last = found[[stands + 90 - len(time), stands + 180 - len(time)], 1]
+    assert last > 1.5 * first  # nothing says that it still stands
