@@ -14,7 +14,9 @@ SIGMA = 3.0
 
 
 @cache
-def stopped(lag: str | None, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def stopped(
+    lag: str | float | None, seed: int, doppler: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Of the epochs of the stop: m ahead of it, speed, whether "stopped", P(edge before it)."""
     cruise, dt = 10.0, 0.1
     s, v, time, rows, left = 0.0, cruise, 0.0, [], STANDS
@@ -32,6 +34,9 @@ def stopped(lag: str | None, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndar
     place = line[0] + np.column_stack([s, 0.0 * s]) + rng.normal(0.0, SIGMA, (len(s), 2))
     lat, lon = PLANE.to_geodetic(*place.T)
     table = {"time": 1.6e9 + time, "lat": lat, "lon": lon, "sigma_m": np.full(len(time), SIGMA)}
+    if doppler:
+        moves = np.maximum(v + rng.normal(0.0, 0.05, len(v)), 0.0)
+        table["speed_mps"] = np.where(v == 0.0, 0.0, moves)
     points = match(table, roads(), lag=lag).points
     at = v == 0.0
     x, _ = PLANE.from_geodetic(points.lat.to_numpy()[at], points.lon.to_numpy()[at])
@@ -61,3 +66,11 @@ def test_what_came_later_does_not_carry_a_stop_over_the_crossing():
         np.mean([stopped(lag, seed)[3].mean() for seed in range(16)]) for lag in (None, "full")
     )
     assert smoothed >= filtered - 0.02
+
+
+@pytest.mark.parametrize("lag", [None, 10.0, "full"])
+def test_a_receiver_whose_speed_is_zero_is_said_to_stand_and_has_no_speed(lag):
+    for seed in range(4):
+        _, speed, stands, _ = stopped(lag, seed, True)
+        assert stands.mean() > 0.9
+        assert (abs(speed[3:]) < 0.3).all()

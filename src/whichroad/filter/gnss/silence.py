@@ -21,7 +21,7 @@ SPARSE = 2.5  # s; fixes farther apart are joined by routes
 _NO_SPEED = 20.0  # m/s, sigma of a speed that says nothing
 _STANDING = 0.5  # m/s; a receiver that reports less stands,
 _CREEPS, _SIGMAS = 0.1, 3.0  # m/s, sigmas: unless it measures speeds better than that
-_LEFT = 0.3  # m/s, of the speed of a vehicle whose fixes keep their place
+_LEFT = 0.3  # m/s, of the speed of a vehicle that has come to rest
 _STANDS, _CREPT = 0.25, 0.3  # m/s that any standing receiver reports; m and four sigmas
 _STOOD = 5.0  # m and four sigmas, beyond which it has moved between fixes that are far apart
 _SILENT = 60.0  # s without any reading, from which on the vehicle may be elsewhere,
@@ -88,8 +88,12 @@ def stands(belief: Belief, epoch: Record, dt: float) -> bool:
     since = epoch.time - min(state.vetting.windows.speed_time, state.last_fix)
     if not epoch.has_fix and state.vetting.refused[SPEED] == 0 and since <= SPARSE:
         return bool(state.still.at_rest == 1)
+    stood = state.still.at_rest == 1
     at_rest = _is_at_rest(belief, epoch, dt)
     state.still.at_rest = 1 if at_rest else 0
+    if at_rest and not stood:
+        for i in range(state.count):
+            redraw(belief.hyp[i], K, 0.0, _LEFT**2)
     return at_rest
 
 
@@ -98,12 +102,7 @@ def _is_at_rest(belief: Belief, epoch: Record, dt: float) -> bool:
     """The same of an epoch with a fix, or of one whose last fix reported no speed."""
     state = belief.state[0]
     if not epoch.has_fix or epoch.speed_sigma > _NO_SPEED:
-        stood = state.still.stands == 1
-        still = is_still(state, epoch, dt, SPARSE)
-        if still and not stood:
-            for i in range(state.count):
-                redraw(belief.hyp[i], K, 0.0, _LEFT**2)
-        return still
+        return is_still(state, epoch, dt, SPARSE)
     least = min(max(_SIGMAS * epoch.speed_sigma, _CREEPS), _STANDING)
     if epoch.speed_sigma >= 1.0 or epoch.speed >= least or state.speed >= 3.0 * _STANDING:
         return False
