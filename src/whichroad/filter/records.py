@@ -92,11 +92,23 @@ ROADS_LEFT = np.dtype(  # roads that were left while no fix came, see `filter.ro
     align=True,
 )
 
+UNMAPPED = np.dtype(  # fixes that lie beside the road, see `gnss.unmapped`
+    [
+        ("p", "f8"),  # P(the vehicle is there, on a road that the map lacks)
+        ("chi2", "f8"),  # squared distance across the road over its variance
+        ("at", "f8", (2,)),  # their place, m, plane,
+        ("sigma", "f8"),  # and its sigma as reported, m
+        ("road", "f8", (2,)),  # the place on the road, where they err and the map does not
+    ],
+    align=True,
+)
+
 SEPARATION = np.dtype(  # all of them, and how restless the receiver is
     [
         ("reckoned", RECKONED, (COPIES,)),
         ("departure", DEPARTURE),
         ("roads", ROADS_LEFT),
+        ("unmapped", UNMAPPED),
         ("begun", "f8"),  # s, when the last one was copied
         ("sums", "f8", (4,)),  # of the odometry until now: x, y (m), turn (rad), arc (m)
         ("calm", "f8"),  # scale of the receiver's sigmas, in calm times; 0: not known

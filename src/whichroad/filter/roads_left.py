@@ -9,6 +9,7 @@ import math
 from .._compile import Record, kernel
 from .gnss.separation import cover_place
 from .gnss.sides import weight_off_roads
+from .gnss.unmapped import watch_fixes
 from .state import CLOCK, Belief, Context, X, Y, most_probable
 
 _SURE = 0.01  # P(off the roads) up to which their place is known
@@ -19,6 +20,19 @@ _ANY_TURN = 1.0  # rad², of a heading by turns that may have been lost
 
 @kernel
 def watch_roads(belief: Belief, ctx: Context) -> None:
+    """Whether roads were left: beside fixes, or while none comes.
+
+    Args:
+        belief: Normalised.
+        ctx: The drive's constants.
+    """
+    if belief.state[0].changed == 1 and not ctx.par[0].paper:
+        watch_fixes(belief, ctx)
+    _count_way(belief, ctx)
+
+
+@kernel(inline=True)
+def _count_way(belief: Belief, ctx: Context) -> None:
     """Count the way since roads were left, and what following roads again says, in an epoch.
 
     The log-odds that the motion was wrong begin at 0.  Who is in a wrong place follows a road by

@@ -15,7 +15,7 @@ from ..._compile import Array, Matrix, Record, Records, Vector, kernel
 from ...graph.network import records
 from .._simd import N, copy_record
 from ..motion import Increment, Noise, drift_clock, predict_plane
-from ..records import DEPARTURE
+from ..records import DEPARTURE, UNMAPPED
 from ..state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, K
 from .packed_noise import pack_noise
 
@@ -62,6 +62,7 @@ STEP = np.dtype(
         ("standing", "f8"),  # s of standing until then
         ("gnss_factor", "f8"),  # on reported variances
         ("departure", DEPARTURE),  # of a fix that has left a vehicle whose odometer stands
+        ("unmapped", UNMAPPED),  # of fixes that lie beside the road
         ("pace", "f8"),  # of the vehicle between sparse fixes,
         ("speed_sigma", "f8"),  # and its spread (filter.sparse.driver)
         ("map_factor", "f8"),  # on map_sigma²,
@@ -269,6 +270,7 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.standing = state.standing
     step.gnss_factor = state.gnss_factor
     copy_record(step.departure, state.separation.departure)
+    copy_record(step.unmapped, state.separation.unmapped)
     step.pace, step.speed_sigma = state.driver.pace, state.driver.speed_sigma
     step.map_factor = state.map.factor
     step.map_rate = state.map.rate

@@ -21,6 +21,7 @@ from ..._compile import Array, Record, Records, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import plane_scale, records
 from .._simd import N, add_times, copy_record, new_row, scale_by, set_times, set_to
+from ..gnss.unmapped import carry_back
 from ..state import CLOCK, KEPT, NO_EDGE, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
 from ..summary.estimate import Output, summarise
 from ..summary.node_shares import AFTER
@@ -59,7 +60,8 @@ def new_buffers() -> SmootherBuffers:
 
 @kernel
 def begin(buffers: SmootherBuffers, history: History, step: int, slot: int) -> None:
-    """Fill a slot with a step as filtered."""
+    """Fill a slot with a step as filtered, the last one that is known."""
+    buffers.belief.state[0].separation.unmapped.p = 0.0
     first = history.steps[step].first_node
     for i in range(history.steps[step].end_node - first):
         node = buffers.nodes[slot, i]
@@ -264,6 +266,9 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
     state.standing = then.standing
     state.gnss_factor = then.gnss_factor
     copy_record(state.separation.departure, then.departure)
+    later = state.separation.unmapped.p
+    copy_record(state.separation.unmapped, then.unmapped)
+    carry_back(state.separation.unmapped, later)
     state.map.factor = then.map_factor
     state.map.rate = then.map_rate
     state.map.whole[0] = then.map_mean[0]

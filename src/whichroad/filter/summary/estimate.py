@@ -11,6 +11,7 @@ from ...graph.geometry import wrap
 from ...graph.network import records
 from ..gnss.departure import cover_departure, p_elsewhere
 from ..gnss.separation import cover
+from ..gnss.unmapped import cover_fixes
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
 from ..roads_left import cover_way, p_turned_wrong
@@ -139,6 +140,7 @@ def describe(
         cover(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
         cover_departure(state, out, ctx.par[0].protection_risk)
         cover_way(state, out, ctx.par[0].protection_risk)
+        cover_fixes(state, out, ctx.par[0].protection_risk)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
@@ -194,7 +196,8 @@ def _unknown(state: Record, out: Record, least: float) -> float:
         _reach(out, state.vetting.misfit)
     departed = min(p_elsewhere(state), _MOST_DEPARTED)
     departed = departed if departed > _LEAST_DEPARTED else 0.0
-    return float(max(least, state.elsewhere[0], lost, departed, p_turned_wrong(state)))
+    left = max(p_turned_wrong(state), state.separation.unmapped.p)
+    return float(max(least, state.elsewhere[0], lost, departed, left))
 
 
 @kernel
