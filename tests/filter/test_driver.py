@@ -8,8 +8,16 @@ from whichroad.filter.speed_process import speed_process
 from whichroad.filter.state import new_belief
 
 
-def learnt(pace: float, sigma: float, legs: int = 40, seconds: float = 30.0, stops: int = 0):
+def learnt(
+    pace: float, sigma: float, legs: int = 40, seconds: float = 30.0, stops: int = 0,
+    leads: bool = True,
+):  # fmt: skip
     """The driver that is learnt from legs on roads of 15 m/s."""
+    return way_learnt(pace, sigma, legs, seconds, stops, leads)[0]
+
+
+def way_learnt(pace: float, sigma: float, legs: int, seconds: float, stops: int, leads: bool):
+    """That driver, and the hypothesis that drove the legs."""
     belief = new_belief()
     driver, hyp = belief.state[0].driver, belief.hyp[0]
     begin_driver(driver)
@@ -21,8 +29,8 @@ def learnt(pace: float, sigma: float, legs: int = 40, seconds: float = 30.0, sto
         metres = pace * 15.0 * (seconds - unit.distance_by_speed)
         metres += sigma * np.sqrt(unit.variance) * random.normal()
         hyp.along = metres if k >= stops else 0.0
-        learn_leg(driver, hyp, unit.distance_by_speed, unit.variance)
-    return driver
+        learn_leg(driver, hyp, unit.distance_by_speed, unit.variance, leads)
+    return driver, hyp
 
 
 def test_nothing_is_known_of_a_driver_at_first():
@@ -43,3 +51,9 @@ def test_an_uneven_driver_stays_uneven():
 
 def test_a_few_stops_do_not_make_a_driver_slow():
     assert learnt(0.9, 2.0, stops=3).pace == pytest.approx(0.9, abs=0.1)
+
+
+def test_a_hypothesis_has_a_pace_of_its_own():
+    driver, hyp = way_learnt(0.4, 2.0, 40, 30.0, 0, leads=False)
+    assert hyp.leg.pace == pytest.approx(0.4, abs=0.07)
+    assert (driver.pace, driver.speed_sigma) == (PACE, SPEED_SIGMA)

@@ -37,7 +37,7 @@ from .records import EPOCH as EPOCH
 from .records import MAP_ERROR, RANKING, SEPARATION
 from .records import Epochs as Epochs
 from .records import new_epochs as new_epochs
-from .sparse.driver import DRIVER, LEG, forget_leg
+from .sparse.driver import DRIVER, LEG, begin_leg
 from .sparse.origin import ORIGIN, forget_origin
 from .vetting.motion_sources import REPORTS, STILL, VETTING, clear
 from .vetting.windows import CLOCK as CLOCK
@@ -358,7 +358,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
             hyp.ground[k, a] = 0.0
     hyp.blames, hyp.ignores, hyp.new_edge = NOTHING, 0, 1
     forget_origin(hyp.origin)
-    forget_leg(hyp.leg)
+    begin_leg(hyp.leg)
     hyp.path_entry, hyp.before, hyp.corner = -1, NO_EDGE, NO_EDGE
     hyp.edge, hyp.segment = edge, segment
     forget_course(hyp)

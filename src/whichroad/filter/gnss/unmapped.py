@@ -15,7 +15,8 @@ from .separation import cover_place
 _PRIOR = 10.0  # nats for the road where fixes lie beside it as expected
 _SOFT = 1.5  # times: squared distances from mapped roads over their variances
 _BEGINS = 1.0  # the square over its variance where they begin to lie beside it, seen later
-_LEAST, _MOST = 1e-3, 0.8  # P of another road, from which on it counts, and at most
+_LEAST, _EVEN = 1e-3, 0.45  # P of another road, from which on it counts, and at most,
+_TAIL = 33.0  # but where the square is much larger
 
 
 @kernel
@@ -25,7 +26,9 @@ def watch_fixes(belief: Belief, ctx: Context) -> None:
         u = S γ − (m − c),    P = 1 / (1 + exp(10 − (n·u)² / 3 (n·R n + map_sigma²)))
 
     with c the map's error as a whole, R the covariance that the receiver reports, and n the
-    unit vector across the vehicle's heading.  Who blames the receiver has seen it err.
+    unit vector across the vehicle's heading.  Real errors have long tails, so that P is 0.45 at
+    most, or 1 − 33 / χ² where that is more, with χ² the square over the variance.  Who blames
+    the receiver has seen it err.
 
     Args:
         belief: Conditioned on fixes and map.
@@ -52,7 +55,8 @@ def watch_fixes(belief: Belief, ctx: Context) -> None:
     beside.road[0] = mean[X] + state.scale * (mean[MX] - whole[0])
     beside.road[1] = mean[Y] + state.scale * (mean[MY] - whole[1])
     p = 1.0 / (1.0 + math.exp(_PRIOR - min(0.5 * beside.chi2 / _SOFT, 2.0 * _PRIOR)))
-    beside.p = min(p, _MOST) if p > _LEAST else 0.0
+    most = max(_EVEN, 1.0 - _TAIL / max(beside.chi2, 1.0))
+    beside.p = min(p, most) if p > _LEAST else 0.0
 
 
 @kernel

@@ -16,6 +16,7 @@ from ...graph.network import records
 from .._simd import N, copy_record
 from ..motion import Increment, Noise, drift_clock, predict_plane
 from ..records import DEPARTURE, UNMAPPED
+from ..sparse.driver import pace_of
 from ..state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, K
 from .packed_noise import pack_noise
 
@@ -63,8 +64,7 @@ STEP = np.dtype(
         ("gnss_factor", "f8"),  # on reported variances
         ("departure", DEPARTURE),  # of a fix that has left a vehicle whose odometer stands
         ("unmapped", UNMAPPED),  # of fixes that lie beside the road
-        ("pace", "f8"),  # of the vehicle between sparse fixes,
-        ("speed_sigma", "f8"),  # and its spread (filter.sparse.driver)
+        ("speed_sigma", "f8"),  # of the vehicle between sparse fixes (filter.sparse.driver)
         ("map_factor", "f8"),  # on map_sigma²,
         ("map_rate", "f8"),  # of it, what is drawn anew over map_length,
         ("map_mean", "f8", (2,)),  # and how far the map is off as a whole, m
@@ -80,6 +80,7 @@ NODE = np.dtype(
         ("end_link", "i8"),
         ("path_entry", "i8"),  # newest entry of the path tree
         ("freed", "f8"),  # variance that the GNSS bias was given since the step before
+        ("pace", "f8"),  # of the vehicle between sparse fixes (filter.sparse.driver)
         ("edge", "i4"),
         ("before", "i4"),  # see HYPOTHESIS
         ("segment", "i4"),
@@ -271,7 +272,7 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.gnss_factor = state.gnss_factor
     copy_record(step.departure, state.separation.departure)
     copy_record(step.unmapped, state.separation.unmapped)
-    step.pace, step.speed_sigma = state.driver.pace, state.driver.speed_sigma
+    step.speed_sigma = state.driver.speed_sigma
     step.map_factor = state.map.factor
     step.map_rate = state.map.rate
     for a in range(2):
@@ -364,6 +365,7 @@ def _store_node(belief: Belief, history: History, i: int) -> None:
     node.path_entry = hyp.path_entry
     node.freed = hyp.freed
     hyp.freed = 0.0
+    node.pace = pace_of(hyp.leg, state.driver.pace)
     node.first_link = count.links
     pack_state(history.states[count.nodes], hyp)
     for a in range(state.parents):

@@ -283,7 +283,7 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     _, to, _, _, _ = project(ctx.roads, edge, history.nodes[link.j].segment, x, y)
     step = history.steps[link.step]
     keep, old, far, cross, sigma = speed_process(dt, step.speed_sigma)
-    usual = step.pace * usual_speed(ctx.roads, skipped, time, edge, to)
+    usual = history.nodes[link.j].pace * usual_speed(ctx.roads, skipped, time, edge, to)
     distance = usual * (dt - old) + mean[K] * old
     advance = Advance(then.edge, then.segment, edge, skipped, distance, old)
     move_on_road(model, ctx.roads, advance, False)

@@ -13,7 +13,7 @@ from ..map_error import map_variance
 from ..road import track
 from ..speed_process import SpeedProcess, speed_process
 from ..state import GX, GY, MX, MY, OFF_ROAD, Belief, Context, K, X, Y, heaviest
-from .driver import begin_driver, learn_leg, likely_excess
+from .driver import begin_driver, learn_leg, likely_excess, pace_of
 
 _TAIL = 0.3  # least variance of a distance over its squared deviation, where it is longer,
 _SLOW_TAIL = 2.0  # and where it is shorter than expected
@@ -26,7 +26,7 @@ _LABELS = 3000  # of one search
 
 CHOSEN = 150.0  # m, for which a road is chosen at once
 _AHEAD = 5.0  # nats, the same for the upper bound of routes still to be found
-_LEARNS = 0.5  # least weight of a hypothesis that tells of the driver
+_LEARNS, _LEADS = 0.01, 0.5  # least weight of one that learns its pace, and tells the drive's
 _SHORT = 20.0  # s, below which no search copies routes of another: copies have no rivals
 _SLACK = 4.0  # nats that a route may cost more than the cheapest one of its hypothesis
 
@@ -129,8 +129,12 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
 
 @kernel(inline=True)
 def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
-    """A fix as a hypothesis sees it: where it was before a wrong one, the time is longer."""
+    """A fix as a hypothesis sees it: where it was before a wrong one, the time is longer.
+
+    Its pace is its own.
+    """
     dt = fix.dt
+    pace = pace_of(hyp.leg, fix.pace)
     process = fix.process
     per_metre = fix.per_metre
     if hyp.origin.waits == 2:
@@ -139,7 +143,7 @@ def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
         process = speed_process(dt, process.sigma)
     return SparseFix(
         fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
-        process, fix.found, fix.pace, per_metre,
+        process, fix.found, pace, per_metre,
     )  # fmt: skip
 
 
@@ -186,17 +190,19 @@ def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale:
 
 @kernel
 def learn_driver(belief: Belief, ctx: Context, dt: float) -> None:
-    """Learn how the vehicle drives from what the heaviest hypothesis drove to the last fix."""
+    """Learn how the vehicle drives from what hypotheses drove to the last fix."""
     state = belief.state[0]
     if state.driver.pace == 0.0:
         begin_driver(state.driver)
     top = heaviest(belief)
-    hyp = belief.hyp[top]
-    leg = hyp.leg
-    if hyp.edge == OFF_ROAD or leg.seconds == 0.0 or hyp.weight < _LEARNS:
-        return
-    if abs(leg.at - (state.time - dt)) > 1e-3:
-        return
-    track(belief, ctx.roads, top)
-    unit = speed_process(leg.seconds, 1.0)
-    learn_leg(state.driver, hyp, unit.distance_by_speed, unit.variance)
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        leg = hyp.leg
+        if hyp.edge == OFF_ROAD or leg.seconds == 0.0 or hyp.weight < _LEARNS:
+            continue
+        if abs(leg.at - (state.time - dt)) > 1e-3:
+            continue
+        track(belief, ctx.roads, i)
+        unit = speed_process(leg.seconds, 1.0)
+        leads = i == top and hyp.weight >= _LEADS
+        learn_leg(state.driver, hyp, unit.distance_by_speed, unit.variance, leads)

@@ -1,7 +1,9 @@
 """How fast a vehicle drives, and how evenly, learnt between sparse fixes.
 
 Maps do not know how fast their roads are driven, and one driver keeps to a share of the usual
-speed, while another one stands in traffic.  What was driven between two fixes shows it.
+speed, while another one stands in traffic.  What was driven between two fixes shows it.  On roads
+that are usually fast the same way was driven at a slower pace than on slow ones, so that each
+hypothesis has its own.
 """
 
 import math
@@ -28,6 +30,8 @@ LEG = np.dtype(
         ("free", "f8"),  # average usual speed of its roads, m/s
         ("begun", "f8"),  # what the speed at its start had the vehicle drive, m
         ("variance", "f8"),  # of the place at its start, m²
+        ("pace", "f8"),  # of the vehicle's way so far, speed over the usual one; 0: as the drive's
+        ("known", "f8"),  # information on it
     ],
     align=True,
 )
@@ -63,39 +67,58 @@ def likely_excess(dt: float) -> float:
 
 
 @kernel
+def begin_leg(leg: Record) -> None:
+    """There is none, and the pace is that of the drive."""
+    leg.pace = leg.known = 0.0
+    forget_leg(leg)
+
+
+@kernel
 def forget_leg(leg: Record) -> None:
     """There is none."""
     leg.at = leg.seconds = leg.length = leg.free = leg.begun = leg.variance = 0.0
 
 
 @kernel
-def learn_leg(driver: Record, hyp: Record, by_speed: float, unit: float) -> None:
-    """Learn from the leg that a hypothesis has driven, its weight being what it is worth.
+def pace_of(leg: Record, pace: float) -> float:
+    """Speed over the usual one as a hypothesis has it, else as the drive has it."""
+    return float(leg.pace) if leg.pace > 0.0 else pace
+
+
+@kernel
+def learn_leg(driver: Record, hyp: Record, by_speed: float, unit: float, leads: bool) -> None:
+    """Learn from the leg that a hypothesis has driven: its pace, and the drive's if it leads.
 
         off = metres − pace · free (Δt − by_speed) − begun
         off ~ Student(0, speed_sigma² unit + what is not known of both ends)
 
     Args:
         driver: In place.
-        hyp: The hypothesis; its abscissa is up to date.
+        hyp: The hypothesis; its abscissa is up to date, and its pace changed.
         by_speed: Derivative of the distance by the speed at its start, s.
         unit: Variance of the distance for a sigma of 1 m/s, m².
+        leads: Whether the drive's pace and the spread of its speeds are this hypothesis'.
     """
     leg = hyp.leg
+    if leg.pace == 0.0:
+        leg.pace, leg.known = driver.pace, driver.known
     metres = leg.length + hyp.along
     ends = leg.variance + hyp.along_sigma**2
     slope = leg.free * max(leg.seconds - by_speed, 0.0)
-    off = metres - driver.pace * slope - leg.begun
+    off = metres - leg.pace * slope - leg.begun
     wide = driver.speed_sigma**2 * unit + ends
-    share = hyp.weight * (_FREEDOM + 1.0) / (_FREEDOM + off * off / wide)
+    share = (_FREEDOM + 1.0) / (_FREEDOM + off * off / wide)
     kept = math.exp(-leg.seconds / _KEPT)
     before = 1.0 / (_PACE_SIGMA * _PACE_SIGMA)
-    driver.known = max(kept * driver.known, before) + share * slope * slope / wide
-    driver.pace += share * slope * off / (wide * driver.known)
-    driver.pace = min(max(driver.pace, _LEAST_PACE), _MOST_PACE)
+    leg.known = max(kept * leg.known, before) + share * slope * slope / wide
+    leg.pace += share * slope * off / (wide * leg.known)
+    leg.pace = min(max(leg.pace, _LEAST_PACE), _MOST_PACE)
+    if not leads:
+        return
+    driver.pace, driver.known = leg.pace, leg.known
     seen = hyp.weight * (driver.speed_sigma**2 * unit / wide) ** 2
     excess = max(off * off - ends, 0.0) / unit
-    driver.energy[0] = kept * driver.energy[0] + seen * min(share / hyp.weight, 1.0) * excess
+    driver.energy[0] = kept * driver.energy[0] + seen * min(share, 1.0) * excess
     driver.energy[1] = kept * driver.energy[1] + seen
     short = (1.0 - kept) * _SPREADS  # what is believed before does not fade
     sigma2 = (driver.energy[0] + short * SPEED_SIGMA * SPEED_SIGMA) / (driver.energy[1] + short)
