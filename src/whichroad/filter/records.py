@@ -103,12 +103,21 @@ UNMAPPED = np.dtype(  # fixes that lie beside the road, see `gnss.unmapped`
     align=True,
 )
 
+DROPPED = np.dtype(  # ways between sparse fixes that nobody follows, see `sparse.dropped`
+    [
+        ("p", "f8"),  # P of them
+        ("sigma", "f8"),  # of the fix, within which they lie, m
+    ],
+    align=True,
+)
+
 SEPARATION = np.dtype(  # all of them, and how restless the receiver is
     [
         ("reckoned", RECKONED, (COPIES,)),
         ("departure", DEPARTURE),
         ("roads", ROADS_LEFT),
         ("unmapped", UNMAPPED),
+        ("dropped", DROPPED),
         ("begun", "f8"),  # s, when the last one was copied
         ("sums", "f8", (4,)),  # of the odometry until now: x, y (m), turn (rad), arc (m)
         ("calm", "f8"),  # scale of the receiver's sigmas, in calm times; 0: not known

@@ -15,7 +15,7 @@ from ..._compile import Array, Matrix, Record, Records, Vector, kernel
 from ...graph.network import records
 from .._simd import N, copy_record
 from ..motion import Increment, Noise, drift_clock, predict_plane
-from ..records import DEPARTURE, UNMAPPED
+from ..records import DEPARTURE, DROPPED, UNMAPPED
 from ..sparse.driver import pace_of
 from ..state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, K
 from .packed_noise import pack_noise
@@ -64,6 +64,7 @@ STEP = np.dtype(
         ("gnss_factor", "f8"),  # on reported variances
         ("departure", DEPARTURE),  # of a fix that has left a vehicle whose odometer stands
         ("unmapped", UNMAPPED),  # of fixes that lie beside the road
+        ("dropped", DROPPED),  # ways between sparse fixes that nobody follows
         ("speed_sigma", "f8"),  # of the vehicle between sparse fixes (filter.sparse.driver)
         ("map_factor", "f8"),  # on map_sigma²,
         ("map_rate", "f8"),  # of it, what is drawn anew over map_length,
@@ -272,6 +273,7 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.gnss_factor = state.gnss_factor
     copy_record(step.departure, state.separation.departure)
     copy_record(step.unmapped, state.separation.unmapped)
+    copy_record(step.dropped, state.separation.dropped)
     step.speed_sigma = state.driver.speed_sigma
     step.map_factor = state.map.factor
     step.map_rate = state.map.rate

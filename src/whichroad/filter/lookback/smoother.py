@@ -22,6 +22,7 @@ from ...graph.geometry import wrap
 from ...graph.network import plane_scale, records
 from .._simd import N, add_times, copy_record, new_row, scale_by, set_times, set_to
 from ..gnss.unmapped import carry_back
+from ..sparse.dropped import drop_before
 from ..state import CLOCK, KEPT, NO_EDGE, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
 from ..summary.estimate import Output, summarise
 from ..summary.node_shares import AFTER
@@ -61,7 +62,8 @@ def new_buffers() -> SmootherBuffers:
 @kernel
 def begin(buffers: SmootherBuffers, history: History, step: int, slot: int) -> None:
     """Fill a slot with a step as filtered, the last one that is known."""
-    buffers.belief.state[0].separation.unmapped.p = 0.0
+    separation = buffers.belief.state[0].separation
+    separation.unmapped.p = separation.dropped.p = 0.0
     first = history.steps[step].first_node
     for i in range(history.steps[step].end_node - first):
         node = buffers.nodes[slot, i]
@@ -260,19 +262,28 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
     state.hindsight = 1
     state.speed = max(speed, 0.0) if state.mode == CLOCK else then.speed
     state.last_fix = then.last_fix
-    state.misfits, state.vetting.misfit = then.misfits, then.misfit
-    state.elsewhere[0] = then.elsewhere[0]
-    state.elsewhere[1] = then.elsewhere[1]
     state.standing = then.standing
     state.gnss_factor = then.gnss_factor
-    copy_record(state.separation.departure, then.departure)
-    later = state.separation.unmapped.p
-    copy_record(state.separation.unmapped, then.unmapped)
-    carry_back(state.separation.unmapped, later)
+    _recall_doubts(state, then)
     state.map.factor = then.map_factor
     state.map.rate = then.map_rate
     state.map.whole[0] = then.map_mean[0]
     state.map.whole[1] = then.map_mean[1]
+
+
+@kernel(inline=True)
+def _recall_doubts(state: Record, then: Record) -> None:
+    """What fixes said of the belief at a step; what was found out later holds before, too."""
+    state.misfits, state.vetting.misfit = then.misfits, then.misfit
+    state.elsewhere[0] = then.elsewhere[0]
+    state.elsewhere[1] = then.elsewhere[1]
+    copy_record(state.separation.departure, then.departure)
+    later = state.separation.unmapped.p
+    copy_record(state.separation.unmapped, then.unmapped)
+    carry_back(state.separation.unmapped, later)
+    later = state.separation.dropped.p
+    copy_record(state.separation.dropped, then.dropped)
+    drop_before(state.separation.dropped, later)
 
 
 @kernel

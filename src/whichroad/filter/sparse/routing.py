@@ -48,6 +48,7 @@ from .candidates import (
 )
 from .choice import choose_routes
 from .driver import SPEED_SIGMA, forget_leg
+from .dropped import likelihood_left, note_dropped
 from .parked import (
     REST_VARIANCE,
     comes_to_stand,
@@ -193,6 +194,8 @@ def _take_best_routes(
 ) -> int:
     """Append children for the pairs of the largest scores; returns how many."""
     search = ctx.work.search
+    whole = likelihood_left(search)
+    first = int(belief.state[0].count)
     arrived = 0
     while arrived < _MOST_ARRIVALS and search.run[0].pairs > 0:
         if belief.state[0].count >= CAPACITY:
@@ -212,6 +215,7 @@ def _take_best_routes(
             note_between(belief, path, history, ctx, source, label, own)
             belief.hyp[belief.state[0].count - 1].origin.waits = 0
         arrived += 1
+    note_dropped(belief, ctx, fix, whole, first)
     return arrived
 
 

@@ -15,6 +15,7 @@ from ..gnss.unmapped import cover_fixes
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
 from ..roads_left import cover_way, p_turned_wrong
+from ..sparse.dropped import reach_of
 from ..state import (
     MX,
     MY,
@@ -196,7 +197,9 @@ def _unknown(state: Record, out: Record, least: float) -> float:
         _reach(out, state.vetting.misfit)
     departed = min(p_elsewhere(state), _MOST_DEPARTED)
     departed = departed if departed > _LEAST_DEPARTED else 0.0
-    left = max(p_turned_wrong(state), state.separation.unmapped.p)
+    dropped = state.separation.dropped
+    _reach(out, reach_of(dropped, least))
+    left = max(p_turned_wrong(state), state.separation.unmapped.p, dropped.p)
     return float(max(least, state.elsewhere[0], lost, departed, left))
 
 

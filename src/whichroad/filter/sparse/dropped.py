@@ -1,0 +1,79 @@
+"""Ways between sparse fixes that no hypothesis follows any more.
+
+By fixes of a hundred metres hundreds of ways are likely, and two dozen are followed.  What the
+others had of the probability is remembered, and as far as they may lead the estimate reaches.
+Fixes show soon which ways were right: of what was dropped half is forgotten at each.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+from ...graph.labels import Search
+from ..state import Belief, Context
+from .candidates import SparseFix
+
+_KEPT = 0.5  # of what was dropped before, at the next fix
+_LEAST = 1e-5  # share of the likelihood that is not noted
+_BEFORE = 0.1  # of what was dropped later, at the fix before: most of it came from the same way
+
+
+@kernel
+def likelihood_left(search: Search) -> float:
+    """Sum of the likelihoods of the pairs that are left, over that of the best one of all."""
+    total = 0.0
+    for p in range(search.run[0].pairs):
+        total += math.exp(search.pair[p].score - search.run[0].best_score)
+    return total
+
+
+@kernel
+def _is_followed(belief: Belief, first: int, edge: int) -> bool:
+    """Whether a hypothesis from `first` on is on an edge."""
+    found = False
+    for j in range(first, belief.state[0].count):
+        found = found or belief.hyp[j].edge == edge
+    return bool(found)
+
+
+@kernel
+def note_dropped(belief: Belief, ctx: Context, fix: SparseFix, whole: float, first: int) -> None:
+    """Note P of what is not followed: the pairs that are left, and roads that were not looked at.
+
+    Args:
+        belief: In place.
+        ctx: The drive's constants, with the pairs.
+        fix: The fix.
+        whole: What `likelihood_left` was before any pair was taken.
+        first: The first hypothesis that has taken one; others lead to the same roads.
+    """
+    search = ctx.work.search
+    left = 0.0
+    if likelihood_left(search) > _LEAST * whole:
+        for p in range(search.run[0].pairs):
+            if not _is_followed(belief, first, ctx.work.near[search.pair[p].goal].edge):
+                left += math.exp(search.pair[p].score - search.run[0].best_score) / whole
+    if fix.found >= len(ctx.work.near):
+        far = ctx.work.near[fix.found - 1].distance / fix.sigma
+        left += (1.0 - left) * math.exp(-0.5 * far * far)
+    dropped = belief.state[0].separation.dropped
+    dropped.p = left + (1.0 - left) * _KEPT * dropped.p
+    dropped.sigma = fix.sigma
+
+
+@kernel
+def drop_before(dropped: Record, later: float) -> None:
+    """What was dropped later has not been followed before, either: for steps that are smoothed.
+
+    Args:
+        dropped: Of a step; P is changed.
+        later: P at the step after it.
+    """
+    dropped.p += (1.0 - dropped.p) * _BEFORE * later
+
+
+@kernel
+def reach_of(dropped: Record, risk: float) -> float:
+    """How far the vehicle may be from where the hypotheses are, m."""
+    if dropped.p <= risk:
+        return 0.0
+    return float(dropped.sigma * math.sqrt(2.0 * math.log(dropped.p / risk)))
