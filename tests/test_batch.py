@@ -342,6 +342,21 @@ def test_what_is_no_table_is_refused(roads, thing):
         match_many(thing, roads)
 
 
+def test_a_list_of_rows_is_a_table(roads, fleet):
+    rows = fleet.to_pylist()
+    assert same(match_many(rows, roads), match_many(fleet, roads))
+    assert same(match_many([fleet.to_pydict()], roads), match_many(fleet, roads))
+
+
+def test_cells_of_several_kinds_are_read_as_those_of_a_column_of_text(roads, fleet):
+    cells = fleet["lat"].to_pylist()
+    cells[40] = "n/a"
+    many = match_many({**fleet.to_pydict(), "lat": cells}, roads)
+    text = fleet.set_column(2, "lat", pa.array(map(str, cells)))
+    assert same(many, match_many(text, roads))
+    assert [len(skipped) for skipped in many.drives["skipped"].to_pylist()] == [0, 1, *[0] * 5]
+
+
 def test_no_thread_is_no_number_of_threads(roads, fleet):
     with pytest.raises(whichroad.SettingError, match="threads is 0"):
         match_many(fleet, roads, threads=0)

@@ -138,6 +138,19 @@ def test_empty_and_strange_cells_are_skipped_and_counted(put, sound):
     assert drive.skipped["no time"] == 1
 
 
+@pytest.mark.parametrize("cells", [[49.4, "n/a", 49.5], ["n/a", 49.4, 49.5], [49.4, b"x", pd.NA]])
+def test_cells_of_several_kinds_are_read_as_text_is(cells):
+    frame = pd.DataFrame(
+        {"time": T0 + np.arange(3), "lon": 8.7, "lat": pd.Series(cells, dtype="O")}
+    )
+    text = frame.assign(lat=[c if isinstance(c, str) else f"{c}" for c in cells])
+    (drive,), (expected,) = drive_from_table(frame), drive_from_table(text)
+    assert drive.fixes.lat_deg.tolist() == expected.fixes.lat_deg.tolist()
+    assert sum(drive.skipped.values()) >= 3 - len(drive.fixes)
+    (drive,) = drive_from_table(frame.to_dict("records"))
+    assert drive.fixes.lat_deg.tolist() == expected.fixes.lat_deg.tolist()
+
+
 def test_a_time_may_be_the_index_of_a_frame():
     frame = pd.DataFrame(table(time=None), index=pd.to_datetime(T0 + np.arange(N), unit="s"))
     assert one(frame).fixes.time == pytest.approx(T0 + np.arange(N))

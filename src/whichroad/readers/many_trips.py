@@ -22,7 +22,7 @@ from .reading import Reading, own_columns
 from .splitting import split_trips
 from .table_drives import paired
 from .table_units import Units
-from .tables_in_memory import in_memory
+from .tables_in_memory import are_rows, in_memory, rows_as_columns
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -62,9 +62,9 @@ def trip_batches(
     """Cut a source into whole trips, in the order in which they begin (a stream: end).
 
     Args:
-        source: An Arrow table, record batch, DataFrame or dict of columns; or a stream: the
-            path of a Parquet or Arrow file or a folder of them, a dataset, a
-            RecordBatchReader, or any iterator of batches or tables.
+        source: An Arrow table, record batch, DataFrame, dict of columns or list of dicts, one for
+            each row; or a stream: the path of a Parquet or Arrow file or a folder of them, a
+            dataset, a RecordBatchReader, or any iterator of batches or tables.
         drive_id: The column that names the trip; "drive_id" also finds its usual aliases.
         split: Cut the rows of each name at pauses, stops and jumps (`splitting`) of so many s,
             into trips called `name/1`, `name/2`, ...
@@ -80,6 +80,8 @@ def trip_batches(
         trips = (Trip(*trip) for trip in _whole(batches, drive_id, own))
         yield from packed(split_each(trips, split, own, written) if split else trips, strict)
 
+    if are_rows(source):
+        source = rows_as_columns(source)
     if isinstance(source, str | PathLike):
         yield from of_stream(_of_path(Path(source), drive_id, own))
     elif hasattr(source, "to_batches") and hasattr(source, "scanner"):

@@ -9,6 +9,7 @@ from .names import Seen, find
 from .reading import Reading
 
 _ROW = ("time", "lat", "lon")  # what the numbers of a tuple are
+_ABSENT = ("None", "nan", "NaT", "<NA>")  # texts of cells without a value
 _NO_TABLE = (
     "a DataFrame, GeoDataFrame, pyarrow Table, list of dicts or of (time, lat, lon), or anything "
     "with __arrow_c_stream__ was expected"
@@ -40,6 +41,8 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
             table = _points(table)
         if hasattr(table, "reset_index"):
             return _frame(table, own)
+        if isinstance(table, dict):
+            table = pa.table({name: _arrow(cells) for name, cells in table.items()})
         table = table if isinstance(table, pa.Table) else pa.table(table)
         return Seen(table, table.column_names, find(table.column_names, own))
     except (
@@ -65,6 +68,19 @@ def frames_of(thing: Any) -> list[tuple[str, Any]] | None:
     return None
 
 
+def are_rows(thing: Any) -> bool:
+    """Whether something is a list of dicts, one for each row, and not of tables."""
+    if not isinstance(thing, list | tuple) or not thing or not isinstance(thing[0], dict):
+        return False
+    return not any(np.ndim(cell) for cell in thing[0].values())
+
+
+def rows_as_columns(rows: Any) -> dict[str, list[Any]]:
+    """Columns of a list of dicts, by all names that any of them has."""
+    keys = dict.fromkeys(name for row in rows for name in row)
+    return {name: [row.get(name) for row in rows] for name in keys}
+
+
 def _of_rows(rows: Any) -> Any:
     """A table of dicts, of tuples or of an array, one for each row."""
     if isinstance(rows, np.ndarray) and rows.dtype.names:
@@ -72,8 +88,7 @@ def _of_rows(rows: Any) -> Any:
     if not len(rows):
         raise ValueError("no rows")
     if isinstance(rows[0], dict):
-        keys = dict.fromkeys(name for row in rows for name in row)
-        return _table({name: [row.get(name) for row in rows] for name in keys})
+        return _table(rows_as_columns(rows))
     if isinstance(rows[0], str | bytes):
         raise TypeError("rows are text")
     width = {len(row) for row in rows}
@@ -90,13 +105,11 @@ def _of_rows(rows: Any) -> Any:
 
 
 def _table(columns: dict[str, Any]) -> Any:
-    """A frame of pandas where that is installed, as cells may be of several kinds, else Arrow's."""
+    """A frame of pandas where that is installed, as cells may be of its own kinds."""
     try:
         import pandas as pd
     except ModuleNotFoundError:
-        import pyarrow as pa
-
-        return pa.table(columns)
+        return columns
     return pd.DataFrame(columns)
 
 
@@ -117,11 +130,23 @@ def _frame(frame: Any, own: Any) -> Seen:
     names = [str(name) for name in frame.columns]
     found = find(names, own)
     # columns that are not used may be of types that Arrow does not know
-    arrays = {
-        column.name: pa.array(frame.iloc[:, column.place], from_pandas=True)
-        for column in found.values()
-    }
+    arrays = {column.name: _arrow(frame.iloc[:, column.place]) for column in found.values()}
     return Seen.of(pa.table(arrays), names, found)
+
+
+def _arrow(cells: Any) -> Any:
+    """A column as an array of Arrow; of cells of several kinds, such as 49.4 and "n/a", as text."""
+    import pyarrow as pa
+
+    if isinstance(cells, pa.Array | pa.ChunkedArray):
+        return cells
+    try:
+        return pa.array(cells)
+    except (pa.ArrowInvalid, TypeError):
+        if np.ndim(cells) != 1:
+            raise
+        texts = [c.decode("utf-8", "replace") if isinstance(c, bytes) else str(c) for c in cells]
+        return pa.array([None if text in _ABSENT else text for text in texts], pa.string())
 
 
 def _points(frame: Any) -> Any:
