@@ -190,6 +190,7 @@ def test_a_trip_that_cannot_be_matched_gets_a_row_that_says_why(roads, fleet):
     assert "neither fixes nor odometry" in said["blank"]["reason"]
     assert "time" in said["timeless"]["reason"]
     assert "name no trip" in said[""]["reason"]
+    assert said["blank"]["skipped"] == [("no position", 32)]
     assert set(many.points["drive_id"].to_pylist()) == {"car 0", "car 1"}
 
 
@@ -340,6 +341,15 @@ def test_progress_is_told(roads, fleet):
 def test_what_is_no_table_is_refused(roads, thing):
     with pytest.raises(whichroad.ReadError, match="not a table of trips"):
         match_many(thing, roads)
+
+
+@pytest.mark.parametrize("split", [None, 300.0])
+@pytest.mark.parametrize("stream", [False, True])
+def test_a_table_without_places_is_refused_by_its_columns(roads, fleet, split, stream):
+    table = fleet.drop_columns("lat")
+    source = pa.RecordBatchReader.from_batches(table.schema, table.to_batches())
+    with pytest.raises(whichroad.ReadError, match=r"no position among .*time, lon.*lat: lat, "):
+        match_many(source if stream else table, roads, split=split)
 
 
 def test_a_list_of_rows_is_a_table(roads, fleet):

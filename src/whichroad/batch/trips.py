@@ -124,6 +124,7 @@ class _Failure(NamedTuple):
 
     name: str
     reason: str
+    skipped: Mapping[str, int] = {}  # rows by reason, where its table could be read
 
     def each(self) -> "list[_Failure]":
         """Itself."""
@@ -271,8 +272,9 @@ class Job(NamedTuple):
         if not name:
             rows = f"{high - low:,} rows name no trip"
             return _Failure(name, f"{rows}; a drive_id in every row was expected")
+        skipped: dict[str, int] = {}
         try:
-            skipped, notes, outside = {}, regular.notes.get(trip, ()), int(regular.outside[trip])
+            notes, outside = regular.notes.get(trip, ()), int(regular.outside[trip])
             sensed = Sensed(self.sensors, self.roads) if self.sensors else None
             if regular.usable[trip] and sensed is None:
                 begin, end = regular.first[trip : trip + 2]
@@ -284,6 +286,7 @@ class Job(NamedTuple):
                     columns={**self.columns, **(sensed.columns if sensed else {})}, tz=self.tz,
                     dates=self.dates, units=chunk.units,
                 )[0]  # fmt: skip
+                skipped = dict(drive.skipped)
                 timeline, outside = timeline_of(drive, self.roads, vehicle, sensed=sensed)
                 if sensed is not None:
                     drive = sensed.reported(drive)
@@ -301,7 +304,7 @@ class Job(NamedTuple):
         except SettingError:
             raise  # it is the caller's, not the trip's
         except WhichroadError as error:
-            return _Failure(name, str(error))
+            return _Failure(name, str(error), skipped)
         except Exception as error:  # one trip's trouble is not the others'
             return _Failure(name, _unexpected(error))
 
@@ -372,8 +375,8 @@ def noted(drives: pa.Table, notes: Mapping[int, list[str]]) -> pa.Table:
 def _failed_row(failure: _Failure) -> pa.Table:
     """A trip without an answer as a row of `tables.schema.DRIVES`."""
     row = {"drive_id": failure.name, "answered": False, "reason": failure.reason, "epochs": 0,
-           "fixes": 0, "epochs_without_answer": 0, "fixes_outside_map": 0, "skipped": [],
-           "notes": []}  # fmt: skip
+           "fixes": 0, "epochs_without_answer": 0, "fixes_outside_map": 0,
+           "skipped": list(failure.skipped.items()), "notes": []}  # fmt: skip
     return pa.Table.from_pylist([row], DRIVES)
 
 

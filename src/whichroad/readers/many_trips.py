@@ -17,7 +17,7 @@ from .arrow_columns import is_zoneless, texts
 from .checks import listed
 from .csv_text import no_column
 from .dates import UNSAID, Writing, taken_as_utc
-from .names import NAMES, find, quantity_of
+from .names import NAMES, Column, find, quantity_of
 from .reading import Reading, own_columns
 from .splitting import split_trips
 from .table_drives import paired
@@ -32,6 +32,7 @@ _NONE: Own = {}
 APART = 1 << 16  # rows of other trips after which a trip of a stream is complete
 BATCH_ROWS = 1 << 14  # rows of a batch of short trips
 _BATCH = 1 << 15  # rows read from a file at once
+_PLACES = ({"lat", "lon"}, {"geometry"}, {"x", "y"})  # quantities that locate a trip
 _FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
           ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip
 
@@ -88,13 +89,17 @@ def trip_batches(
         yield from of_stream(_of_dataset(source, drive_id, own))
     elif hasattr(source, "schema") or hasattr(source, "columns") or isinstance(source, dict):
         if hasattr(source, "read_next_batch"):
+            _check(source.schema.names, find(source.schema.names, own))
             yield from of_stream(source)
-        elif split:
-            table = of_vehicles(usual_rows(source, drive_id, own), own)
+            return
+        rows, names = _table(source, drive_id, own)
+        _check(names, find(rows.column_names, own))
+        table = of_vehicles(_named(rows, names, drive_id, own), own)
+        if split:
             trips = (Trip(*trip) for trip in cut(table))
             yield from packed(split_each(trips, split, own, written), strict)
         else:
-            yield from parts_of(of_vehicles(usual_rows(source, drive_id, own), own))
+            yield from parts_of(table)
     elif isinstance(source, Iterable):
         yield from of_stream(source)
     else:
@@ -124,8 +129,9 @@ def _of_path(path: Path, drive_id: str, own: Own = _NONE) -> Iterable[Any]:
 
 def _of_dataset(data: Any, drive_id: str, own: Own) -> Iterable[Any]:
     names = data.schema.names
-    _check(names, own)
-    used = {column.name for column in find(names, own).values()} | ({drive_id} & set(names))
+    found = find(names, own)
+    _check(names, found)
+    used = {column.name for column in found.values()} | ({drive_id} & set(names))
     return data.to_batches(  # type: ignore[no-any-return]
         columns=sorted(used), batch_size=_BATCH, batch_readahead=1, fragment_readahead=1
     )
@@ -146,10 +152,12 @@ def usual_rows(batch: Any, drive_id: str, own: Own = _NONE) -> "pa.Table":
     return _named(*_table(batch, drive_id, own), drive_id, own)
 
 
-def _check(names: list[str], own: Own) -> None:
+def _check(names: list[str], found: Mapping[str, Column]) -> None:
     """Refuse a table none of whose trips could be matched."""
-    if "time" not in find(names, own):
+    if "time" not in found:
         raise ReadError(no_column("table", "no time", names, ("time",)))
+    if not any(places <= found.keys() for places in _PLACES):
+        raise ReadError(no_column("table", "no position", names, ("lat", "lon")))
 
 
 def own_names(columns: Own | None, drive_id: str) -> tuple[dict[str, str | int], str]:
@@ -178,7 +186,7 @@ def _named(table: "pa.Table", names: list[str], drive_id: str, own: Own) -> "pa.
     """The columns whose meaning is known, and trips' names in a column `drive_id`."""
     found = find(table.column_names, own)
     if "time" not in found:
-        _check(names, own)
+        _check(names, found)
     usual = found.get("drive_id") or found.get("vehicle_id")
     if drive_id in table.column_names:
         place = table.column_names.index(drive_id)
