@@ -367,6 +367,20 @@ def test_cells_of_several_kinds_are_read_as_those_of_a_column_of_text(roads, fle
     assert [len(skipped) for skipped in many.drives["skipped"].to_pylist()] == [0, 1, *[0] * 5]
 
 
+def test_rounded_coordinates_are_found_in_each_trip_as_alone(roads, fleet):
+    lat, lon = fleet["lat"].to_numpy().copy(), fleet["lon"].to_numpy().copy()
+    lat[32:96] += 1e-4 * (np.arange(64) % 7)
+    lat[32:96], lon[32:96] = lat[32:96].round(4), lon[32:96].round(4)
+    table = fleet.set_column(2, "lat", pa.array(lat)).set_column(3, "lon", pa.array(lon))
+    many = match_many(table, roads)
+    told = [[n[:23] for n in notes] for notes in many.drives["notes"].to_pylist()]
+    assert told == [[], ["coordinates are rounded"], ["coordinates are rounded"], *[[]] * 4]
+    one = whichroad.match(table.slice(32, 32), roads)
+    mine = pa.compute.equal(many.points["drive_id"], "car 1")
+    assert many.points.filter(mine).equals(one.to_arrow())
+    assert one.summary["notes"] == many.drives["notes"][1].as_py()
+
+
 def test_no_thread_is_no_number_of_threads(roads, fleet):
     with pytest.raises(whichroad.SettingError, match="threads is 0"):
         match_many(fleet, roads, threads=0)

@@ -22,6 +22,7 @@ FROM_HDOP = 1  # Fixes.flags: covariance from HDOP times the range error
 ASSUMED = 2  # covariance is the settings' default, nothing was reported
 NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon were used
 FROM_QUALITY = 8  # sigma of FROM_HDOP or ASSUMED that the receiver's kind of fix has changed
+ROUNDED = 16  # the covariance has the error of coordinates with few decimals added
 
 SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that reports no sigma
 MOVING = 1.0  # m/s, below it a course over ground means nothing

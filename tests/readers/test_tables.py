@@ -151,6 +151,42 @@ def test_cells_of_several_kinds_are_read_as_text_is(cells):
     assert drive.fixes.lat_deg.tolist() == expected.fixes.lat_deg.tolist()
 
 
+def along(n: int, decimals: int) -> pd.DataFrame:
+    """A drive to the north-east at 14 m/s, a fix every second."""
+    k = np.arange(n)
+    lat, lon = 49.41234567 + 8.9e-5 * k, 8.71234567 + 1.37e-4 * k
+    return pd.DataFrame(
+        {"time": T0 + k, "lat": lat.round(decimals), "lon": lon.round(decimals), "sigma_m": 3.0}
+    )
+
+
+@pytest.mark.parametrize(("decimals", "step"), [(2, 1112.0), (3, 111.2), (4, 11.12)])
+def test_the_error_of_rounded_coordinates_is_added_and_said(decimals, step, put, sound):
+    frame = along(1200, decimals)
+    (drive,) = drive_from_table(frame)
+    sound(drive)
+    assert drive.fixes.cov_nn == pytest.approx(9.0 + step**2 / 12.0, rel=1e-3)
+    east = step * np.cos(np.radians(49.45))
+    assert drive.fixes.cov_ee == pytest.approx(9.0 + east**2 / 12.0, rel=5e-3)
+    assert drive.fixes.lat_deg == pytest.approx(frame.lat.to_numpy(), abs=3e-8)
+    moved = np.abs(np.diff(drive.fixes.lat_deg)) + np.abs(np.diff(drive.fixes.lon_deg))
+    assert (moved > 1e-8).all()  # so that none is said to repeat the one before
+    (note,) = drive.notes
+    assert note.startswith(f"coordinates are rounded to {decimals} decimals")
+    (read,) = read_drive(put("a.csv", frame.to_csv(index=False)))
+    assert note in read.notes
+    assert read.fixes.cov_nn.tolist() == drive.fixes.cov_nn.tolist()
+
+
+@pytest.mark.parametrize("decimals", [5, 6, 9])
+def test_coordinates_of_five_decimals_and_few_places_are_left_as_they_are(decimals):
+    for frame in (along(500, decimals), along(5, 4), along(500, 4).assign(lon=8.7)):
+        (drive,) = drive_from_table(frame)
+        assert drive.fixes.cov_nn.tolist() == [9.0] * len(frame)
+        assert drive.fixes.lat_deg.tolist() == frame.lat.tolist()
+        assert not drive.notes
+
+
 def test_a_time_may_be_the_index_of_a_frame():
     frame = pd.DataFrame(table(time=None), index=pd.to_datetime(T0 + np.arange(N), unit="s"))
     assert one(frame).fixes.time == pytest.approx(T0 + np.arange(N))

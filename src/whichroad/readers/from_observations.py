@@ -30,6 +30,7 @@ from ..settings import Settings, Vehicle
 from .checks import Skipped, in_order
 from .drive_columns import steered, unused
 from .reported_fixes import Reported, make_fixes
+from .rounded_places import rounding_notes
 from .wheel_counters import cumulative
 
 _LOGS: dict[type, Callable[..., OdometryLog]] = {
@@ -74,6 +75,7 @@ def drive_of_observations(
     settings = settings or Settings()
     located = make_fixes(_reported(fixes), settings, skipped) if fixes else None
     sensed = sorted((o for o in possible if isinstance(o, SensorReading)), key=lambda o: o.time)
+    notes = (*notes, *rounding_notes(located))
     return Drive(
         "drive", located, odometry, skipped=dict(skipped), notes=notes, sensed=tuple(sensed)
     )

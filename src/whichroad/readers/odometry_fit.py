@@ -21,6 +21,7 @@ from ..observations import (
 )
 from ..settings import Vehicle
 from .drive_columns import unused
+from .rounded_places import rounding_notes
 from .units_by_places import (
     SPEED_UNITS,
     Track,
@@ -54,7 +55,7 @@ _MOST = 7200  # fixes that are looked at
 
 
 def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
-    """The drive with notes on odometry that does not fit its fixes, and on a gyro without one.
+    """The drive with notes on its fixes and odometry: what is rounded, what does not fit.
 
     Args:
         drive: A drive, in one piece.
@@ -64,6 +65,7 @@ def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
         notes = _notes(drive, vehicle)
     if drive.gyro is not None:
         notes += unused({"yaw_rate"}, drive.odometry) or [_SECOND]
+    notes += rounding_notes(drive.fixes)
     return replace(drive, notes=(*drive.notes, *notes)) if notes else drive
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..observations import Array, Fixes
+from ..observations import ROUNDED, Array, Fixes
 from ..settings import Settings
 from .arrow_columns import numbers, times
 from .checks import LAST, Bools, Ints, Skipped
@@ -22,6 +22,7 @@ from .drive_columns import Columns, reported
 from .fix_quality import NO_FIX
 from .names import Column, find, normal
 from .reported_fixes import completed, is_place, says_no_hdop
+from .rounded_places import rounding_notes
 from .table_units import Units
 from .units_by_places import TOO_FAST, distances, reachable
 
@@ -102,11 +103,20 @@ def batched_fixes(
     units = units or Units()
     units.in_si(columns)
     notes = _notes(units, columns, first)
+    size = np.diff(first, append=len(time))
     if not regular.all():
-        rows = np.repeat(regular, np.diff(first, append=len(time)))
+        rows = np.repeat(regular, size)
         columns = {quantity: values[rows] for quantity, values in columns.items()}
-    fixes = completed(reported(columns, skipped), settings, skipped)
-    return None if skipped else RegularTrips(fixes, regular, notes)
+    begin = np.cumsum([0, *size[regular]])
+    fixes = completed(reported(columns, skipped), begin[:-1], settings, skipped)
+    if skipped:
+        return None
+    if (fixes.flags & ROUNDED).any():
+        for trip, (low, high) in zip(
+            np.flatnonzero(regular).tolist(), pairwise(begin), strict=True
+        ):
+            notes[trip] = (*notes.get(trip, ()), *rounding_notes(fixes, low, high))
+    return RegularTrips(fixes, regular, notes)
 
 
 def _notes(units: Units, columns: Columns, first: Ints) -> dict[int, tuple[str, ...]]:

@@ -17,6 +17,7 @@ from ..observations import (
     FROM_QUALITY,
     MOVING,
     NO_CORRELATION,
+    ROUNDED,
     SIGMA_SPEED,
     Array,
     Fixes,
@@ -24,8 +25,9 @@ from ..observations import (
 )
 from ..sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE
 from ..settings import Settings
-from .checks import Bools, Skipped, in_order, keep
+from .checks import Bools, Ints, Skipped, in_order, keep
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
+from .rounded_places import rounding
 
 # A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
 # two digits moves the ratio by up to a quarter.
@@ -126,12 +128,24 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
     r = reported.rows(np.flatnonzero(keep(possible, IMPOSSIBLE, skipped)))
     if r.quality is not None:
         r = r.rows(np.flatnonzero(keep(r.quality != NO_FIX, WITHOUT_FIX, skipped)))
-    return completed(r.rows(in_order(r.time, skipped)), settings, skipped)
+    r = r.rows(in_order(r.time, skipped))
+    return completed(r, np.zeros(min(len(r.time), 1), np.int64), settings, skipped)
 
 
-def completed(r: Reported, settings: Settings, skipped: Skipped) -> Fixes:
-    """Fixes with covariances, speeds and courses of rows that `make_fixes` has checked."""
+def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) -> Fixes:
+    """Fixes with covariances, speeds and courses of rows that `make_fixes` has checked.
+
+    Args:
+        r: Of drives, one after the other.
+        first: Where each of them begins.
+        settings: As of `make_fixes`.
+        skipped: Likewise.
+    """
     cov_ee, cov_en, cov_nn, flags = _covariance(r, settings, skipped)
+    lat, rounded = r.lat_deg, rounding(r.lat_deg, r.lon_deg, first)
+    if rounded is not None:
+        lat, cov_ee, cov_nn = lat + rounded.lat_deg, cov_ee + rounded.ee, cov_nn + rounded.nn
+        flags |= np.where(rounded.nn > 0.0, ROUNDED, 0).astype(np.uint8)
     # phones write -1 for unknown values
     speed = _without(r.speed, None if r.speed is None else r.speed < 0, NO_SPEED, skipped)
     course = r.bearing_deg
@@ -140,7 +154,7 @@ def completed(r: Reported, settings: Settings, skipped: Skipped) -> Fixes:
     bearing, sigma_bearing = _course(course, speed, sigma_speed)
     return Fixes(
         time=r.time,
-        lat_deg=r.lat_deg,
+        lat_deg=lat,
         lon_deg=r.lon_deg,
         cov_ee=cov_ee,
         cov_en=cov_en,
