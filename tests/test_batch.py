@@ -367,6 +367,17 @@ def test_cells_of_several_kinds_are_read_as_those_of_a_column_of_text(roads, fle
     assert [len(skipped) for skipped in many.drives["skipped"].to_pylist()] == [0, 1, *[0] * 5]
 
 
+def test_fixes_whose_error_is_beyond_use_are_skipped_and_counted_in_their_trip(roads, fleet):
+    sigma = np.full(len(fleet), 3.0)
+    sigma[40:45] = 9999.0
+    table = fleet.append_column("sigma_m", pa.array(sigma))
+    many = match_many(table, roads)
+    assert [[n for _, n in s] for s in many.drives["skipped"].to_pylist()][:3] == [[], [5], []]
+    one = whichroad.match(table.slice(32, 32), roads)
+    mine = pa.compute.equal(many.points["drive_id"], "car 1")
+    assert many.points.filter(mine).equals(one.to_arrow())
+
+
 def test_rounded_coordinates_are_found_in_each_trip_as_alone(roads, fleet):
     lat, lon = fleet["lat"].to_numpy().copy(), fleet["lon"].to_numpy().copy()
     lat[32:96] += 1e-4 * (np.arange(64) % 7)

@@ -20,7 +20,7 @@ from whichroad.observations import (
 )
 from whichroad.online import Localizer
 from whichroad.recorded import localize_recorded
-from whichroad.sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE
+from whichroad.sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE, TOO_VAGUE
 from whichroad.settings import Settings, to_toml
 
 
@@ -121,6 +121,7 @@ def test_readings_that_were_late_before_it_was_taken_back_begin_nothing_anew():
         ({"lat_deg": 91.0}, "impossible position"),
         ({"lon_deg": math.inf}, "impossible position"),
         ({"lat_deg": 0.0, "lon_deg": 0.0}, "impossible position"),
+        ({"cov_ee": 9999.0**2, "cov_nn": 4.0}, TOO_VAGUE),
         ({"time": math.nan}, "no time"),
         ({"time": math.inf}, "no time"),
         ({"cov_ee": math.nan, "cov_nn": 1.0}, NOT_A_COVARIANCE),

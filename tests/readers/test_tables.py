@@ -151,6 +151,18 @@ def test_cells_of_several_kinds_are_read_as_text_is(cells):
     assert drive.fixes.lat_deg.tolist() == expected.fixes.lat_deg.tolist()
 
 
+@pytest.mark.parametrize("worthless", [1000.1, 5000.0, 9999.0, 1e9])
+@pytest.mark.parametrize("name", ["sigma_m", "accuracy", "sigma_n_m"])
+def test_a_fix_whose_error_is_beyond_use_is_skipped_and_counted(name, worthless, sound):
+    factor = RADIUS_68 if name == "accuracy" else 1.0
+    cells = factor * np.array([3.0, worthless, 999.0, 3.0, worthless])
+    more = {"sigma_e_m": np.full(N, 3.0)} if name == "sigma_n_m" else {}
+    (drive,) = drive_from_table(table(**{name: cells}, **more))
+    sound(drive)
+    assert drive.fixes.time.tolist() == [T0, T0 + 2.0, T0 + 3.0]
+    assert drive.skipped == {"sigma beyond 1,000 m (says nothing of the place)": 2}
+
+
 def along(n: int, decimals: int) -> pd.DataFrame:
     """A drive to the north-east at 14 m/s, a fix every second."""
     k = np.arange(n)

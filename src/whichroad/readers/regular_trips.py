@@ -21,7 +21,7 @@ from .dates import Writing, tick_of
 from .drive_columns import Columns, reported
 from .fix_quality import NO_FIX
 from .names import Column, find, normal
-from .reported_fixes import completed, is_place, says_no_hdop
+from .reported_fixes import completed, is_place, is_vague, says_no_hdop
 from .rounded_places import rounding_notes
 from .table_units import Units
 from .units_by_places import TOO_FAST, distances, reachable
@@ -92,6 +92,7 @@ def batched_fixes(
         good &= ~says_no_hdop(columns["hdop"])
     if "quality" in columns:
         good &= columns["quality"] != NO_FIX
+    good &= ~is_vague(reported(columns, Counter()))
     step = np.diff(time, prepend=-np.inf)
     later = step > 0.0
     later[first] = True

@@ -23,7 +23,7 @@ from ..observations import (
     Fixes,
     GeoFix,
 )
-from ..sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE
+from ..sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE, TOO_VAGUE, WORST
 from ..settings import Settings
 from .checks import Bools, Ints, Skipped, in_order, keep
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
@@ -114,9 +114,10 @@ def from_gst(
 def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixes:
     """Check, order and complete what a log reported.
 
-    Impossible places and places without a fix are skipped, late rows put in order,
-    repeated times dropped, all counted.  A fix without covariance gets HDOP times the range
-    error, or the settings' default, both by its quality, and a flag for it.
+    Impossible places and places without a fix are skipped, as are those whose error is beyond
+    all use; late rows are put in order, repeated times dropped, all counted.  A fix without
+    covariance gets HDOP times the range error, or the settings' default, both by its quality,
+    and a flag for it.
 
     Args:
         reported: The rows that carry a position.
@@ -128,6 +129,7 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
     r = reported.rows(np.flatnonzero(keep(possible, IMPOSSIBLE, skipped)))
     if r.quality is not None:
         r = r.rows(np.flatnonzero(keep(r.quality != NO_FIX, WITHOUT_FIX, skipped)))
+    r = r.rows(np.flatnonzero(keep(~is_vague(r), TOO_VAGUE, skipped)))
     r = r.rows(in_order(r.time, skipped))
     return completed(r, np.zeros(min(len(r.time), 1), np.int64), settings, skipped)
 
@@ -165,6 +167,14 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
         sigma_bearing_deg=sigma_bearing,
         flags=flags,
     )
+
+
+def is_vague(r: Reported) -> Bools:
+    """Whether the reported error of each fix is so large that it says nothing."""
+    if r.cov_ee is None or r.cov_nn is None:
+        return np.zeros(len(r.time), np.bool_)
+    worst = np.fmax(r.cov_ee, r.cov_nn)
+    return np.asarray((worst > WORST**2) & np.isfinite(worst))
 
 
 def is_place(lat: Array, lon: Array) -> Bools:

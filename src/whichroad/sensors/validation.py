@@ -27,6 +27,8 @@ SPINNING = 10.0  # rad/s
 LATEST = 253_402_300_800.0  # s, the year 10000: later times are milliseconds
 NO_VARIANCE = "variance of 0 or less (settings' default used)"
 NOT_A_COVARIANCE = "covariance not positive definite (settings' default used)"
+WORST = 1000.0  # m, sigma beyond which a fix says nothing; assumed ones are 500 m at most
+TOO_VAGUE = f"sigma beyond {WORST:,.0f} m (says nothing of the place)"
 Skipped = dict[str, int]
 
 
@@ -100,13 +102,16 @@ def _count(why: str, skipped: Skipped) -> None:
 
 
 def _fix(fix: GeoFix, skipped: Skipped) -> GeoFix | None:
-    """A fix without impossible values; None: its position is impossible."""
+    """A fix without impossible values; None: its position is impossible, or says nothing."""
     lat, lon = fix.lat_deg, fix.lon_deg
     # receivers without a fix write 0, 0
     if not (abs(lat) <= 90.0 and abs(lon) <= 180.0 and (lat != 0.0 or lon != 0.0)):
         _count("impossible position", skipped)
         return None
     ee, en, nn = fix.cov_ee, fix.cov_en, fix.cov_nn
+    if WORST**2 < max(ee, nn) < math.inf:
+        _count(TOO_VAGUE, skipped)
+        return None
     unsaid = ee == math.inf and nn == math.inf
     if not unsaid and not (0.0 < ee < math.inf and 0.0 < nn < math.inf and en * en < ee * nn):
         _count(NO_VARIANCE if ee <= 0.0 or nn <= 0.0 else NOT_A_COVARIANCE, skipped)
