@@ -291,8 +291,10 @@ def test_attributes_have_their_columns_also_where_nothing_is_answered(roads, fle
 
 def test_numbers_name_trips_too(roads):
     table = pa.concat_tables([trip("a", 0), trip("b", 1)])
-    table = table.set_column(0, "drive_id", pa.array(np.repeat([7, 5], 32)))
-    assert match_many(table, roads).drives["drive_id"].to_pylist() == ["7", "5"]
+    for ids in ([7, 5], [7.0, 123456789012345680.0], [7.5, 5.0]):
+        named = table.set_column(0, "drive_id", pa.array(np.repeat(ids, 32)))
+        expected = [str(i if i % 1 else int(i)) for i in ids]
+        assert match_many(named, roads).drives["drive_id"].to_pylist() == expected
 
 
 def test_files_and_folders_are_streams(roads, fleet, tmp_path):

@@ -234,6 +234,13 @@ def texts(column: "pa.ChunkedArray") -> tuple[list[str], Ints]:
     combined = column.combine_chunks()
     if isinstance(combined, pa.ChunkedArray):  # more than one chunk when it cannot be one
         combined = combined.chunk(0) if combined.num_chunks else pa.array([]).dictionary_encode()
-    labels = ["" if v is None else str(v) for v in combined.dictionary.to_pylist()]
+    labels = [_label(value) for value in combined.dictionary.to_pylist()]
     codes = combined.indices.fill_null(len(labels)).to_numpy(zero_copy_only=False)
     return [*labels, ""], np.asarray(codes, np.int64)
+
+
+def _label(value: object) -> str:
+    """A label as text; whole numbers as such, also where a column with gaps made floats of them."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return "" if value is None else str(value)
