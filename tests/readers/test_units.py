@@ -173,6 +173,20 @@ def test_a_speed_whose_name_says_another_unit_is_named(tmp_path, factor):
         assert len(said) == (factor != 1.0)
 
 
+@pytest.mark.parametrize("factor", [3.6, 1.0])
+@pytest.mark.parametrize("step", [10.0, 20.0, 30.0])
+def test_a_table_whose_speed_is_not_in_the_unit_of_its_name_is_told_at_sparse_fixes(factor, step):
+    for seed in range(10):
+        frames = [town(10 * seed + k, n=60, step=step).assign(vehicle_id=f"{k}") for k in range(5)]
+        frame = pd.concat(frames)
+        frame = frame.assign(speed_mps=factor * frame.true_speed)
+        drives = drive_from_table(frame.drop(columns=["true_speed", "true_yaw"]))
+        for drive in drives:
+            said = [note for note in drive.notes if "as one in km/h is" in note]
+            assert len(said) == (factor != 1.0)
+            assert np.isfinite(drive.fixes.sigma_speed).any() == (factor == 1.0)
+
+
 def test_a_speed_of_traccar_is_in_knots_and_one_of_owntracks_in_kmh():
     frame = town(n=4)  # too short to tell by its places
     traccar = frame.rename(columns={"time": "fixTime"}).assign(deviceId="a", deviceTime=0)

@@ -49,9 +49,10 @@ class Units(NamedTuple):
 
 
 def open_columns(found: Mapping[str, Column]) -> tuple[str, ...]:
-    """Names of the columns whose unit the values are asked for."""
+    """Names of the columns whose unit the values are asked for, or that are checked by them."""
     asked = (*_SPEEDS, "odometer")
-    names = [c.name for q, c in found.items() if (c.bare and q in asked) or q == "yaw_rate"]
+    checked = ("speed", "yaw_rate")
+    names = [c.name for q, c in found.items() if (c.bare and q in asked) or q in checked]
     return tuple(sorted(names))
 
 
@@ -152,8 +153,13 @@ def units_of(columns: Columns, found: Mapping[str, Column], trips: Sequence[Trip
     few = [Trip(t.name, t.rows[np.abs(columns["time"][t.rows]) < LAST]) for t in few]
     asked = _Asked(columns, found, few)
     bare = [q for q, column in found.items() if column.bare and q in columns]
-    if {"lat", "lon"} <= columns.keys() and any(q in (*_SPEEDS, "odometer") for q in bare):
+    named = "speed" in columns and "speed" not in bare and "yaw_rate" not in columns
+    if {"lat", "lon"} <= columns.keys() and (
+        named or any(q in (*_SPEEDS, "odometer") for q in bare)
+    ):
         windows = [fit.windows_of(track) for track in _tracks(columns["time"], columns, few)]
+        if named:
+            asked.named_speed([w.short() for w in windows])
         for quantity in bare:
             if quantity in _SPEEDS:
                 asked.speed(quantity, windows)
@@ -175,12 +181,27 @@ class _Asked:
         self.notes: list[str] = []
         self.unsure: dict[str, str] = {}
 
-    def speed(self, quantity: str, windows: Sequence[fit.Windows]) -> None:
-        """The unit of a speed, by the ways between places."""
-        time, speed, column = self.columns["time"], self.columns[quantity], self.found[quantity]
+    def _ratios(self, quantity: str, windows: Sequence[fit.Windows]) -> Array:
+        """Ways by a speed over those between places, of all drives."""
+        time, speed = self.columns["time"], self.columns[quantity]
         pairs = zip(windows, self.trips, strict=True)
         each = [fit.speed_ratios(w, time[t.rows], speed[t.rows]) for w, t in pairs]
-        ratios = np.concatenate(each) if each else np.empty(0)
+        return np.concatenate(each) if each else np.empty(0)
+
+    def named_speed(self, windows: Sequence[fit.Windows]) -> None:
+        """See that a receiver's speed is not in km/h where its column says m/s."""
+        ratios, column = self._ratios("speed", windows), self.found["speed"]
+        if column.factor == 1.0 and fit.is_in_kmh(ratios):
+            self.factors["speed"] = math.nan
+            self.notes.append(
+                f"column {column.name!r} not used: as m/s it is {float(np.median(ratios)):.2g} "
+                "times the speed between places, as one in km/h is; name it in its unit, such as "
+                "speed_kmh"
+            )
+
+    def speed(self, quantity: str, windows: Sequence[fit.Windows]) -> None:
+        """The unit of a speed, by the ways between places."""
+        ratios, column = self._ratios(quantity, windows), self.found[quantity]
         if not fit.is_telling(ratios):
             self.unsure[quantity] = _undecided(column)
             return

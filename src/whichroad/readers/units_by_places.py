@@ -27,6 +27,9 @@ _LONGEST = 90.0  # s between fixes, beyond which a chord says too little of the 
 _SPARSE = 20.0  # s between fixes, beyond which knots and mph cannot be told apart
 _MOVED = 40.0  # m within a window, well beyond the errors of fixes
 _FEWEST = 5  # windows
+_WINDING = 35.0  # s, from which on a pass of hairpins is some times as long as its chords
+_SURE = 20  # windows, for a speed whose column names another unit
+_IN_KMH = (2.3, 6.5)  # a quarter of ratios above, half below: of 84 sound drives 1.8 at most
 _MOST = 2000  # windows that are looked at
 _CAR = (0.5, 70.0)  # m/s, median speed of what drives
 _JUMP, _JUMP_SPEED = 1000.0, 100.0  # m, m/s: beyond them a fix is of another vehicle, or wrong
@@ -63,6 +66,11 @@ class Windows(NamedTuple):
     def sparse(self) -> bool:
         """Whether chords are so long that they are shorter than the way driven."""
         return len(self.end) > 0 and float(np.median(self.end - self.begin)) > _SPARSE
+
+    def short(self) -> "Windows":
+        """Those in which a road does not wind so much that a unit could be taken for another."""
+        few = self.end - self.begin < _WINDING
+        return Windows(self.begin[few], self.end[few], self.moved[few])
 
 
 def distances(lat_deg: Array, lon_deg: Array, step: int = 1) -> Array:
@@ -129,6 +137,22 @@ def speed_unit(ratios: Array, sparse: bool) -> str | None:
     if sparse:  # ways are longer than chords, so that knots and mph cannot be told apart
         return next((u for u, (low, high) in _SPARSE_RATIOS.items() if low < ratio < high), None)
     return _nearest(ratio, SPEED_UNITS, 1.25)
+
+
+def is_in_kmh(ratios: Array) -> bool:
+    """Whether a speed that is said to be in m/s can only be one in km/h.
+
+    Ways are longer than chords, and a speed at two fixes may be none of that between them.  But of
+    a quarter of the windows at least, a speed in m/s says about the chord.
+
+    Args:
+        ratios: Of `speed_ratios`, over windows of `Windows.short`.
+    """
+    if len(ratios) < _SURE:
+        return False
+    quarter, half = np.quantile(ratios, (0.25, 0.5))
+    low, high = _IN_KMH
+    return bool(quarter > low and half < high)
 
 
 def is_telling(ratios: Array) -> bool:
