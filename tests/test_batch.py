@@ -194,6 +194,16 @@ def test_a_trip_that_cannot_be_matched_gets_a_row_that_says_why(roads, fleet):
     assert set(many.points["drive_id"].to_pylist()) == {"car 0", "car 1"}
 
 
+def test_rows_without_a_place_are_counted_also_where_they_have_a_speed(roads, fleet):
+    blank = trip("blank", 0)
+    for at, name in ((2, "lat"), (3, "lon")):
+        blank = blank.set_column(at, name, pa.nulls(len(blank), pa.float64()))
+    table = pa.concat_tables([fleet.slice(0, 32), blank])
+    many = match_many(table.append_column("speed_mps", pa.array(np.full(64, 12.0))), roads)
+    assert many.drives["answered"].to_pylist() == [True, False]
+    assert many.drives["skipped"].to_pylist() == [[], [("no position", 32)]]
+
+
 def test_trips_in_a_projected_system_are_matched_by_its_name(roads, fleet):
     import pyproj
 

@@ -30,6 +30,7 @@ from .readers import (
     read_vehicle,
     vehicle_beside,
 )  # fmt: skip
+from .readers.checks import NO_POSITION
 from .readers.reading import own_columns
 from .recorded import Recorded, localize_by_paper, localize_recorded
 from .roadmap import RoadMap, open_map
@@ -308,6 +309,15 @@ def timeline_of(
     """
     outside = _outside(drive, roads)
     return build_timeline(drive, roads.plane, vehicle, sensed=sensed), outside
+
+
+def skipped_of(drive: Drive, rows: int) -> dict[str, int]:
+    """What was skipped of rows; without any fix also those that only a start pose could use."""
+    skipped = dict(drive.skipped)
+    rest = rows - sum(skipped.values())
+    if drive.fixes is not None and not len(drive.fixes) and rest > 0:
+        skipped[NO_POSITION] = skipped.get(NO_POSITION, 0) + rest
+    return skipped
 
 
 def _outside(drive: Drive, roads: RoadMap) -> int:

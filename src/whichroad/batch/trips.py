@@ -22,7 +22,7 @@ from ..evidence.sensed import Sensed, checked, columns_of
 from ..filter.state import CLOCK, new_epochs
 from ..lookback.smoothing import Lag
 from ..lookback.traversals import traversals
-from ..matching import are_near, timeline_of
+from ..matching import are_near, skipped_of, timeline_of
 from ..places import AHEAD_M, NEARBY_M, Places, places_on
 from ..readers import drive_from_table
 from ..readers.dates import Writing
@@ -286,11 +286,11 @@ class Job(NamedTuple):
                     columns={**self.columns, **(sensed.columns if sensed else {})}, tz=self.tz,
                     dates=self.dates, units=chunk.units,
                 )[0]  # fmt: skip
-                skipped = dict(drive.skipped)
+                skipped = skipped_of(drive, high - low)
                 timeline, outside = timeline_of(drive, self.roads, vehicle, sensed=sensed)
                 if sensed is not None:
                     drive = sensed.reported(drive)
-                skipped, notes = dict(drive.skipped), drive.notes
+                skipped, notes = skipped_of(drive, high - low), drive.notes
             recorded = localize_recorded(
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag,
                 poses=self.places is not None,

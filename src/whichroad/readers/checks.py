@@ -26,6 +26,7 @@ LAST = LATEST  # s: no log has later times
 BACKWARDS = "time running backwards (sorted)"
 REPEATED = "repeated time"
 NO_TIME = "no time"
+NO_POSITION = "no position"
 
 
 def read_bytes(path: str | PathLike[str]) -> bytes:

@@ -18,7 +18,7 @@ from ..observations import (
 from ..sensors.gyro_turns import covers
 from ..sensors.validation import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
-from .checks import Skipped, in_order, keep
+from .checks import NO_POSITION, Skipped, in_order, keep
 from .reported_fixes import NO_ACCURACY, RADIUS_68, Reported, from_ellipse, make_fixes
 from .vehicle import ROLES
 from .wheel_counters import Reversing, wheel_counts, wheel_speeds
@@ -61,7 +61,7 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
     if has_position:
         blank = np.isnan(columns["lat"]) & np.isnan(columns["lon"])
         if odometry is None:
-            keep(~blank, "no position", skipped)
+            keep(~blank, NO_POSITION, skipped)
         own = dict(columns)
         if blank.any():
             rows = np.flatnonzero(~blank)
