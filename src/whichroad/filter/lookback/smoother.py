@@ -264,7 +264,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
     state.last_fix = then.last_fix
     state.standing = then.standing
     state.gnss_factor = then.gnss_factor
-    _recall_doubts(state, then)
+    _restore_faults(state, then)
     state.map.factor = then.map_factor
     state.map.rate = then.map_rate
     state.map.whole[0] = then.map_mean[0]
@@ -272,7 +272,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
 
 
 @kernel(inline=True)
-def _recall_doubts(state: Record, then: Record) -> None:
+def _restore_faults(state: Record, then: Record) -> None:
     """What fixes said of the belief at a step; what was found out later holds before, too."""
     state.misfits, state.vetting.misfit = then.misfits, then.misfit
     state.elsewhere[0] = then.elsewhere[0]
