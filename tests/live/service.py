@@ -10,7 +10,12 @@ import sys
 import time
 from pathlib import Path
 
+import pytest
 from websockets.sync.client import connect
+
+from whichroad import Settings, read_vehicle
+from whichroad.live import trace_worker
+from whichroad.live.trace_options import TraceOptions
 
 # A process beside the filter gives way to all others.  Beside busy processors, as those of tests
 # are, it waits for minutes: here it does not, but where that itself is tested.
@@ -108,6 +113,22 @@ class Served:
         if self.process.poll() is None:
             self.process.kill()
         self.process.communicate()
+
+
+def refusal_of(body, suffix, files, folder):
+    """How the process that matches refuses a posted trace, asked in this one: it starts slowly."""
+    car = read_vehicle(files / "drive" / "vehicle.toml")
+    asked = trace_worker.request(suffix, TraceOptions(), files / "town.map", car, Settings())
+    (folder / trace_worker.REQUEST).write_text(asked, encoding="utf-8")
+    (folder / trace_worker.BODY).write_bytes(body)
+    with pytest.raises(trace_worker.Refused) as refused:
+        _check_and_match(folder)
+    return refused.value
+
+
+def _check_and_match(folder):
+    trace_worker.check_body(folder)
+    trace_worker.match_trace(folder)
 
 
 def free_port():

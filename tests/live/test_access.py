@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import re
 import socket
 import time
 
@@ -10,7 +11,8 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from live.service import Served, drive_files
+from live.service import Served, drive_files, refusal_of
+from whichroad.live import traces
 from whichroad.live.app import Service, application
 from whichroad.live.broadcaster import Broadcaster
 from whichroad.live.filter_loop import FilterLoop
@@ -22,7 +24,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def served(files):
     options = ("--map", files / "town.map", *drive_files(files / "drive"))
-    with Served(*options, "--speed", 10, "--laps", 50) as one:
+    with Served(*options, "--laps", 50) as one:
         one.until(lambda said: said["answered"])
         yield one
 
@@ -56,25 +58,35 @@ def test_rubbish_is_a_4xx_that_tells_nothing(served, method, path, body, status)
         assert secret not in said
 
 
+NO_TRACES = [  # formats, bodies, and the status of the refusal
+    ("application/json", b"{", 400),
+    ("text/plain", os.urandom(5000), 422),
+    ("application/json", b"[1, 2]", 400),
+    ("application/json", b'{"time": [1], "lat": ["a"], "lon": [2]}', 422),
+    ("text/csv", b"a,b\n1,2\n", 422),
+    ("text/csv", b"time,lat,lon\n0,49.4,8.7\n1,89,8.7\n", 422),
+    ("application/gpx+xml", b"<gpx>", 422),
+    ("application/vnd.apache.arrow.stream", os.urandom(300), 422),
+]
+
+
 @pytest.mark.parametrize(
-    ("kind", "body", "status"),
-    [
-        ("application/json", "{", 400),
-        ("application/json", "[1, 2]", 400),
-        ("application/json", '{"time": [1], "lat": ["a"], "lon": [2]}', 422),
-        ("text/csv", "a,b\n1,2\n", 422),
-        ("text/csv", "time,lat,lon\n0,49.4,8.7\n1,89,8.7\n", 422),
-        ("text/plain", os.urandom(5000), 422),
-        ("application/gpx+xml", "<gpx>", 422),
-        ("application/vnd.apache.arrow.stream", os.urandom(300), 422),
-        ("text/html", "<p>", 415),
-    ],
+    ("kind", "body", "status"), [*NO_TRACES[:2], ("text/html", b"<p>", 415)], ids=range(3)
 )
 def test_a_trace_that_is_none_is_a_4xx_without_paths(served, kind, body, status):
     got, said = served.ask("POST", "/match", body, {"content-type": kind})
     assert (got, "error" in json.loads(said)) == (status, True)
     assert b"/tmp" not in said
     assert b".py" not in said
+
+
+@pytest.mark.parametrize(("kind", "body", "status"), NO_TRACES, ids=range(len(NO_TRACES)))
+def test_what_is_said_of_any_trace_that_is_none_has_no_paths(files, tmp_path, kind, body, status):
+    """As the process that matches says it, but in this one."""
+    refused = refusal_of(body, traces._KINDS[kind], files, tmp_path)
+    assert refused.status == status
+    assert refused.why
+    assert not re.search(r"/tmp|\.py", refused.why)
 
 
 @pytest.mark.parametrize(
@@ -125,6 +137,7 @@ def test_half_open_and_random_connections_do_no_harm(served):
 
 
 def test_who_does_not_read_is_dropped_and_delays_nobody(served):
+    served.control("speed", 10)
     stalled = socket.socket()
     stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     stalled.connect(("127.0.0.1", served.port))
@@ -141,6 +154,7 @@ def test_who_does_not_read_is_dropped_and_delays_nobody(served):
             other.recv(timeout=60)
     gone = served.until(lambda said: said["listeners"] < listeners, "/health")
     assert gone["answered"]
+    served.control("speed", 1)
     stalled.close()
 
 

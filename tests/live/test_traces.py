@@ -22,8 +22,8 @@ import pytest
 import requests
 from jsonschema import Draft202012Validator
 
-from live.service import Served, drive_files
-from whichroad import Settings, match, read_vehicle
+from live.service import Served, drive_files, refusal_of
+from whichroad import match, read_vehicle
 from whichroad.errors import ReadError
 from whichroad.live import trace_worker, traces
 from whichroad.live.schemas import schemas
@@ -34,7 +34,6 @@ from whichroad.live.trace_limits import (
     check_size,
     stream_of,
 )
-from whichroad.live.trace_options import TraceOptions
 from whichroad.readers import drive_from_table
 
 ARROW, CSV, JSON = "application/vnd.apache.arrow.stream", "text/csv", "application/json"
@@ -268,24 +267,12 @@ def assert_one_sentence(said):
     assert ".py" not in said
 
 
-def checked_and_matched(folder):
-    trace_worker.check_body(folder)
-    trace_worker.match_trace(folder)
-
-
 @pytest.mark.parametrize(("body", "kind", "status"), STRANGE, ids=range(len(STRANGE)))
 def test_what_stands_for_too_much_is_a_4xx_with_one_sentence(files, tmp_path, body, kind, status):
     """As the process that matches says it, but in this one."""
-    car, settings = read_vehicle(files / "drive" / "vehicle.toml"), Settings()
-    asked = trace_worker.request(
-        SUFFIXES[kind], TraceOptions(), files / "town.map", car, settings
-    )  # fmt: skip
-    (tmp_path / trace_worker.REQUEST).write_text(asked, encoding="utf-8")
-    (tmp_path / trace_worker.BODY).write_bytes(body)
-    with pytest.raises(trace_worker.Refused) as refused:
-        checked_and_matched(tmp_path)
-    assert refused.value.status in status
-    assert_one_sentence(refused.value.why)
+    refused = refusal_of(body, SUFFIXES[kind], files, tmp_path)
+    assert refused.status in status
+    assert_one_sentence(refused.why)
 
 
 @pytest.mark.slow
