@@ -204,6 +204,7 @@ def served(files):
     options = ("--map", files / "town.map", *drive_files(files / "drive"))
     with Served(*options, "--speed", 1) as one:
         one.until(lambda said: said["answered"])
+        assert one.control("pause")[0] == 200  # traces are matched: no test asks where it is
         yield one
 
 
