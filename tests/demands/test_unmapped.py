@@ -54,6 +54,7 @@ def test_who_is_drawn_to_a_mapped_road_is_not_sure_of_it_and_covered_by_the_leve
         error = np.hypot(px - x, py - y)
         over = error > points.protection_level_m.to_numpy()
         assert over.mean() <= 0.02, seed
+        assert np.median(error[y > 60.0]) < 15.0, seed
         far = y > 30.0
         assert points.p_road.to_numpy()[far].max() < 0.99, seed
         assert np.median(points.p_off_road.to_numpy()[y > 45.0]) > 0.5, seed

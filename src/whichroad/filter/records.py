@@ -92,7 +92,7 @@ ROADS_LEFT = np.dtype(  # roads that were left while no fix came, see `filter.ro
     align=True,
 )
 
-UNMAPPED = np.dtype(  # fixes that lie beside the road, see `gnss.unmapped`
+UNMAPPED = np.dtype(  # fixes that lie beside the road, see `filter.unmapped`
     [
         ("p", "f8"),  # P(the vehicle is there, on a road that the map lacks)
         ("chi2", "f8"),  # squared distance across the road over its variance

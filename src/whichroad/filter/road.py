@@ -24,6 +24,7 @@ from .gaussian import LOG_2PI, update, update_across, update_state
 from .one_course import ROWS, weigh_rows
 from .slow_states import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
+from .unmapped import followed
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
 _WIDEST = 15.0  # m, sigma of an abscissa up to which the road is looked at
@@ -102,7 +103,7 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         across += hyp.weight * fit
         hyp.scratch[ROWS] = -0.5 * (misfit + log_variance + rows * LOG_2PI)
     weigh_rows(belief, ctx)
-    cost = ctx.par[0].off_road_cost * metres
+    cost = ctx.par[0].off_road_cost * metres * followed(belief.state[0])
     variances = noise.lateral, noise.heading
     if noise.on_road > 0.0:
         usual = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)

@@ -9,8 +9,8 @@ import math
 from .._compile import Record, kernel
 from .gnss.separation import cover_place
 from .gnss.sides import weight_off_roads
-from .gnss.unmapped import watch_fixes
 from .state import CLOCK, Belief, Context, X, Y, most_probable
+from .unmapped import watch_fixes
 
 _SURE = 0.01  # P(off the roads) up to which their place is known
 _LEFT = 0.5  # and from which on they are left

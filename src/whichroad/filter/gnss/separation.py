@@ -10,7 +10,7 @@ solution separation of ARAIM, Blanch et al. 2015, does), and hypotheses live at 
 
 import math
 
-from ..._compile import Record, kernel
+from ..._compile import Record, Vector, kernel
 from ..hypotheses.births import Start, cold_start
 from ..motion import GYRO_PACE, Increment, predict_plane, wheel_noise
 from ..records import COPIES
@@ -331,3 +331,28 @@ def _sigma(copy: Record, ex: float, ey: float) -> float:
     return math.sqrt(
         max(ex * ex * cov[X, X] + 2.0 * ex * ey * cov[X, Y] + ey * ey * cov[Y, Y], 0.0)
     )
+
+
+@kernel
+def cover_fixes(state: Record, out: Record, risk: float) -> None:
+    """Let an estimate cover both the place of fixes that lie beside the road, and that on it.
+
+    Args:
+        state: With these places.
+        out: The estimate, in place: levels and covariance.
+        risk: Of the level.
+    """
+    beside = state.separation.unmapped
+    if beside.p <= risk:
+        return
+    sigma = beside.sigma * math.sqrt(2.0 * math.log(beside.p / risk))
+    _cover(state, out, beside.at, sigma)
+    _cover(state, out, beside.road, sigma)
+
+
+@kernel(inline=True)
+def _cover(state: Record, out: Record, place: Vector, sigma: float) -> None:
+    """Let an estimate cover one of the two places, and as much about it."""
+    dx = (place[0] - out.x) / state.scale
+    dy = (place[1] - out.y) / state.scale
+    cover_place(out, dx, dy, state.separation.unmapped.p, (sigma, sigma, sigma))

@@ -35,6 +35,7 @@ from ..state import (
     rescale,
     spawn,
 )
+from ..unmapped import leave_for_fixes
 from .branching import own_all
 from .reduction import drop_lightest
 
@@ -247,6 +248,7 @@ def exchange_off_road(belief: Belief, ctx: Context) -> None:
                 share = min(par.off_road_leave * metres, 0.5)
                 child = spawn(belief, i, share, OFF_ROAD, hyp.segment)
                 rescale(hyp, 1.0 - share)
+                leave_for_fixes(belief.hyp[child], state)
                 if not state.knows_heading:  # the heading was the road's
                     belief.hyp[child].cov[H, H] += 0.04
         elif hyp.weight > _RETURNS:

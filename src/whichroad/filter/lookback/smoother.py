@@ -21,11 +21,11 @@ from ..._compile import Array, Record, Records, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import plane_scale, records
 from .._simd import N, add_times, copy_record, new_row, scale_by, set_times, set_to
-from ..gnss.unmapped import carry_back
 from ..sparse.dropped import drop_before
 from ..state import CLOCK, KEPT, NO_EDGE, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
 from ..summary.estimate import Output, summarise
 from ..summary.node_shares import AFTER
+from ..unmapped import carry_back
 from .history import History, load
 from .link_motion import LINK_MODEL, inflate_strange, predict_link
 from .link_road import Link

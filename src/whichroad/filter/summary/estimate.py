@@ -10,8 +10,7 @@ from ..._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import records
 from ..gnss.departure import cover_departure, p_elsewhere
-from ..gnss.separation import cover
-from ..gnss.unmapped import cover_fixes
+from ..gnss.separation import cover, cover_fixes
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
 from ..roads_left import cover_way, p_turned_wrong

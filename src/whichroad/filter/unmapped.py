@@ -4,13 +4,29 @@ Receivers and maps err, both for long, and what lasts is learnt.  So a road that
 looks, where it leaves a mapped one slowly and runs beside it, like a map that is off there.  How
 far the fixes lie beside the road, over what receiver and map are said to err by, tells which of
 the two is more likely.
+
+Where nothing but fixes measures the motion, a road far beside which they lie is then left.  Beside
+wheels it is not: fixes that are pulled away look so, too.
 """
 
 import math
 
-from ..._compile import Record, Vector, kernel
-from ..state import GX, GY, MX, MY, OFF_ROAD, RECEIVER, Belief, Context, H, X, Y, heaviest
-from .separation import cover_place
+from .._compile import Record, kernel
+from .state import (
+    GX,
+    GY,
+    MX,
+    MY,
+    OFF_ROAD,
+    RECEIVER,
+    WHEELS,
+    Belief,
+    Context,
+    H,
+    X,
+    Y,
+    redraw,
+)
 
 _PRIOR = 10.0  # nats for the road where fixes lie beside it as expected
 _SOFT = 1.5  # times: squared distances from mapped roads over their variances
@@ -20,8 +36,20 @@ _TAIL = 33.0  # but where the square is much larger
 
 
 @kernel
+def _heaviest_on_road(belief: Belief) -> int:
+    """The heaviest hypothesis on a road; the first one where there is none."""
+    top = 0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        above = hyp.log_weight > belief.hyp[top].log_weight or belief.hyp[top].edge == OFF_ROAD
+        if hyp.edge != OFF_ROAD and above:
+            top = i
+    return top
+
+
+@kernel
 def watch_fixes(belief: Belief, ctx: Context) -> None:
-    """P(the heaviest hypothesis is on a wrong road, as fixes lie beside it), and their place.
+    """P(the vehicle is on no mapped road, as fixes lie beside the likeliest), and their place.
 
         u = S γ − (m − c),    P = 1 / (1 + exp(10 − (n·u)² / 3 (n·R n + map_sigma²)))
 
@@ -37,7 +65,7 @@ def watch_fixes(belief: Belief, ctx: Context) -> None:
     state = belief.state[0]
     beside = state.separation.unmapped
     beside.p = beside.chi2 = 0.0
-    hyp = belief.hyp[heaviest(belief)]
+    hyp = belief.hyp[_heaviest_on_road(belief)]
     if hyp.edge == OFF_ROAD or hyp.blames == RECEIVER or state.gnss_factor <= 0.0:
         return
     mean = hyp.mu
@@ -54,9 +82,41 @@ def watch_fixes(belief: Belief, ctx: Context) -> None:
     beside.at[1] = mean[Y] + state.scale * dy
     beside.road[0] = mean[X] + state.scale * (mean[MX] - whole[0])
     beside.road[1] = mean[Y] + state.scale * (mean[MY] - whole[1])
-    p = 1.0 / (1.0 + math.exp(_PRIOR - min(0.5 * beside.chi2 / _SOFT, 2.0 * _PRIOR)))
+    p = _likelier(beside)
     most = max(_EVEN, 1.0 - _TAIL / max(beside.chi2, 1.0))
-    beside.p = min(p, most) if p > _LEAST else 0.0
+    beside.p = hyp.weight * min(p, most) if p > _LEAST else 0.0
+
+
+@kernel
+def _likelier(beside: Record) -> float:
+    """P that fixes so far beside a road tell another one, but for the tails of real errors."""
+    return 1.0 / (1.0 + math.exp(_PRIOR - min(0.5 * beside.chi2 / _SOFT, 2.0 * _PRIOR)))
+
+
+@kernel
+def followed(state: Record) -> float:
+    """Share of the cost of following a road by chance: 1, and −1 where fixes lie far beside it.
+
+    Then who is on the road follows fixes by chance, and pays for that.
+    """
+    p = _likelier(state.separation.unmapped)
+    return 1.0 - 2.0 * p if state.mode != WHEELS and p > _LEAST else 1.0
+
+
+@kernel
+def leave_for_fixes(hyp: Record, state: Record) -> None:
+    """Let a hypothesis that leaves a road be where the fixes are, if they lie far beside it."""
+    if state.mode == WHEELS or _likelier(state.separation.unmapped) < 0.5:
+        return
+    root, cov = state.bias_root, state.bias_cov
+    hyp.mu[X] += state.scale * (root[0] * hyp.mu[GX] + root[1] * hyp.mu[GY])
+    hyp.mu[Y] += state.scale * (root[1] * hyp.mu[GX] + root[2] * hyp.mu[GY])
+    redraw(hyp, GX, 0.0, 1.0)
+    redraw(hyp, GY, 0.0, 1.0)
+    hyp.cov[X, X] += cov[0]
+    hyp.cov[X, Y] += cov[1]
+    hyp.cov[Y, X] += cov[1]
+    hyp.cov[Y, Y] += cov[2]
 
 
 @kernel
@@ -69,28 +129,3 @@ def carry_back(beside: Record, later: float) -> None:
     """
     if beside.chi2 > _BEGINS:
         beside.p = max(beside.p, later)
-
-
-@kernel
-def cover_fixes(state: Record, out: Record, risk: float) -> None:
-    """Let an estimate cover both the place of fixes that lie beside the road, and that on it.
-
-    Args:
-        state: With these places.
-        out: The estimate, in place: levels and covariance.
-        risk: Of the level.
-    """
-    beside = state.separation.unmapped
-    if beside.p <= risk:
-        return
-    sigma = beside.sigma * math.sqrt(2.0 * math.log(beside.p / risk))
-    _cover(state, out, beside.at, sigma)
-    _cover(state, out, beside.road, sigma)
-
-
-@kernel(inline=True)
-def _cover(state: Record, out: Record, place: Vector, sigma: float) -> None:
-    """Let an estimate cover one of the two places, and as much about it."""
-    dx = (place[0] - out.x) / state.scale
-    dy = (place[1] - out.y) / state.scale
-    cover_place(out, dx, dy, state.separation.unmapped.p, (sigma, sigma, sigma))
