@@ -86,7 +86,7 @@ def test_a_state_is_all_that_a_localizer_remembers(town, ride, observations):
     stays |= {"_lock"}
     views, forgotten = (
         {"_ahead"},
-        {"_late", "_behind"},
+        {"_late", "_streams"},
     )  # readings refused before say nothing afterwards
     assert vars(localizer(town, ride)).keys() == kept | stays | views | forgotten
 

@@ -1,9 +1,12 @@
-"""Odometry that is behind all fixes, in the order in which readings come."""
+"""Sensors whose clocks differ, in the order in which readings come."""
 
 from dataclasses import replace
 
-from online.avenue import CAR, PLANE, STRAIGHT, TOWN, ticks, wheels
-from whichroad.observations import GeoFix
+import numpy as np
+import pytest
+
+from online.avenue import CAR, PLANE, STRAIGHT, TOWN, ticks, town_fix, wheels
+from whichroad.observations import GeoFix, Observation, WheelTicks, YawRate
 from whichroad.online import Localizer
 
 
@@ -41,3 +44,105 @@ def test_one_late_reading_before_the_wheels_fall_silent_names_no_clock():
             online.update(replace(reading, time=reading.time + (0.03 if k < 100 else -0.15)))
     assert online.skipped["late"] == 1
     assert "odometry: clock" not in [found.what for found in online.diagnosis]
+
+
+def drive(
+    ahead: dict[type, float], seconds: float = 120.0, until: float = 1e9, late: float = 0.0
+) -> tuple[Localizer, list[float], float | None]:
+    """A drive whose clocks of some kinds are ahead from 20 s until a time, as readings come.
+
+    Fixes are at 1 Hz and come so late at most, in bursts.  Returns the localizer, the metres
+    by which it was off at the last fixes, and after how many seconds it named a clock.
+    """
+    rng, time = np.random.default_rng(3), STRAIGHT.time + 1e9
+    online, off, named = Localizer(TOWN, vehicle=CAR), [], None
+    readings: list[tuple[float, Observation]] = [
+        (t, replace(reading, time=t))
+        for t, reading in zip(time.tolist(), ticks(wheels(STRAIGHT)), strict=True)
+    ]
+    for k in range(0, len(time), 10):
+        fix = town_fix(STRAIGHT.x[k], -1.75, time[k], bearing_deg=90.0)
+        readings.append((fix.time + late * rng.random(), fix))
+    for arrival, reading in sorted(readings, key=lambda pair: pair[0]):
+        passed, true = arrival - time[0], reading.time
+        if passed > seconds:
+            break
+        if 20.0 < passed < until:
+            reading = replace(reading, time=true + ahead.get(type(reading), 0.0))
+        said = online.update(reading)
+        clocks = [found for found in online.diagnosis if found.what.endswith(": clock")]
+        if clocks and named is None:
+            named = passed - 20.0
+        if isinstance(reading, GeoFix) and said.pose is not None:
+            off.append(abs(said.pose.x - float(np.interp(true, time, STRAIGHT.x))))
+    return online, off[-10:], named
+
+
+def test_odometry_of_which_one_reading_a_second_is_in_time_is_named():
+    online, _, named = drive({GeoFix: 1.0}, 60.0)
+    assert online.skipped["late"] > 300
+    assert named is not None
+    assert 5.0 <= named < 8.0
+    [found] = [found for found in online.diagnosis if found.what == "odometry: clock"]
+    assert found.statistic == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "ahead", [{GeoFix: -3600.0}, {WheelTicks: 3600.0}, {GeoFix: -3.0}, {WheelTicks: 3.0}]
+)
+def test_fixes_that_are_behind_the_odometry_are_named(ahead: dict[type, float]):
+    online, _, named = drive(ahead, 40.0)
+    assert named is not None
+    assert 5.0 <= named < 10.0
+    [found] = [found for found in online.diagnosis if found.what == "gnss: clock"]
+    assert found.statistic == pytest.approx(abs(sum(ahead.values())), abs=1.0)
+    assert "fixes are" in found.advice
+    assert "correct the clock" in found.advice
+
+
+@pytest.mark.parametrize("ahead", [{GeoFix: -3600.0}, {WheelTicks: 3600.0}])
+def test_fixes_are_taken_again_though_the_odometry_is_an_hour_ahead(ahead: dict[type, float]):
+    online, off, _ = drive(ahead, 80.0)
+    assert online.skipped["clock ahead of the fixes: started anew at their time"] == 1
+    assert online.skipped["late"] < 40
+    assert max(off) < 10.0
+    [found] = [found for found in online.diagnosis if found.what.endswith(": clock")]
+    assert found.what == "odometry: clock"
+    assert found.statistic == pytest.approx(-3600.0, abs=1.0)
+
+
+@pytest.mark.parametrize("ahead", [{GeoFix: -3600.0}, {WheelTicks: 3600.0}])
+def test_odometry_is_taken_again_once_its_clock_is_right(ahead: dict[type, float]):
+    online, off, _ = drive(ahead, 120.0, until=90.0)
+    before = dict(drive(ahead, 100.0, until=90.0)[0].skipped)
+    assert online.skipped == before
+    assert max(off) < 10.0
+    assert not [found for found in online.diagnosis if found.what.endswith(": clock")]
+
+
+def test_old_fixes_that_come_at_once_begin_nothing_anew():
+    online = drive({}, 60.0)[0]
+    for k in range(300):
+        online.update(town_fix(20.0, -1.75, 1e9 - 4000.0 + k))
+        reading = ticks(wheels(STRAIGHT))[601 + k]
+        online.update(replace(reading, time=reading.time + 1e9))
+    assert online.skipped == {"late": 300}
+
+
+@pytest.mark.parametrize("late", [0.1, 1.0])
+def test_fixes_of_ordinary_latency_name_no_clock(late: float):
+    online, _, named = drive({}, 120.0, late=late)
+    assert named is None
+    assert online.skipped == {}
+
+
+def test_a_gyro_an_hour_ahead_does_not_move_the_time_of_all_others():
+    online = Localizer(TOWN, vehicle=CAR)
+    for k, wheel in enumerate(ticks(wheels(STRAIGHT))[:500]):
+        time = wheel.time + 1e9
+        online.update(YawRate(time + 0.01 + (3600.0 if k > 200 else 0.0), 0.001))
+        online.update(replace(wheel, time=time))
+        if k % 10 == 0:
+            online.update(town_fix(STRAIGHT.x[k], -1.75, time))
+    assert online.skipped == {}
+    assert online.estimate().time == pytest.approx(time)

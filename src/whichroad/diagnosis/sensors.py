@@ -23,7 +23,12 @@ _IN_DEGREES = 5.0  # above which they are in degrees
 _SILENT = 10.0  # s, to be named
 _UNTURNED = 500.0  # m, the same
 _LATE = 0.25  # s, to be named
-_BEHIND, _REFUSED = 0.1, 5.0  # s behind the fixes on line, and s of that, to be named
+_BEHIND = 0.1  # s behind others on line, within which none is refused for long
+_READINGS = {
+    "gnss": ("fixes", "the odometry"),
+    "odometry": ("odometry readings", "the fixes"),
+    "readings": ("readings of further sensors", "the others"),
+}
 _DEGREES = 0.1  # and above that, below which they may be in degrees
 _STUCK = 0.0175  # rad that a course turns in a window, below which it hardly changes
 _ALIKE = 0.8  # mean of unit vectors above which courses are off by the same angle
@@ -85,23 +90,24 @@ def clock_finding(late: float, band: float) -> Finding:
     )  # fmt: skip
 
 
-def behind_findings(behind: float, refused: float) -> tuple[Finding, ...]:
-    """Odometry on line of which each reading is older than a fix that came before it.
+def refused_finding(kind: str, behind: float, refused: float) -> Finding:
+    """Readings on line of which most are refused, as others of another clock came before them.
 
     Args:
-        behind: By so much, s.
-        refused: For how long all of it has been refused, s.
+        kind: "gnss", "odometry", or "readings" of further sensors.
+        behind: By so much they are behind the others, s; less than 0: ahead.
+        refused: For how long that has been so, s.
     """
-    if refused < _REFUSED:
-        return ()
-    return (
-        Finding(
-            "odometry: clock", "warning", behind, -_BEHIND, _BEHIND,
-            f"all odometry comes {behind:.2f} s behind the fixes and is refused, for "
-            f"{refused:,.0f} s now; if its clock is behind, add {behind:.2f} s to its times; if it "
-            "only arrives late, sort readings by their times",
-        ),
-    )  # fmt: skip
+    who, others = _READINGS[kind]
+    side = "behind" if behind > 0.0 else "ahead of"
+    text = (
+        f"{who} are {abs(behind):,.2f} s {side} {others}, and most are refused, for "
+        f"{refused:,.0f} s now; correct the clock that is wrong: add {behind:.2f} s to the times "
+        f"of these, or {-behind:.2f} s to those of {others}"
+    )
+    if behind > 0.0:
+        text += "; if they only arrive late, sort all by their times before, as whichroad live does"
+    return Finding(f"{kind}: clock", "warning", behind, -_BEHIND, _BEHIND, text)
 
 
 # what is wrong throughout: how much of the motion it measured, and what to do

@@ -41,13 +41,12 @@ from .estimates import Estimate
 from .localizer_state import Reading, State
 from .looks_back import LooksBack
 from .one_odometry import SECOND, is_worse
-from .pauses import LateReadings, Pauses
+from .pauses import APART, LateReadings, Pauses, Streams
 from .remembers import Remembers
 from .sensing import Sensing
 from .silence import between, is_speed, learnt, lost_after, silent_after
 from .watched import Watched
 
-_LATE = 1.0  # s; a fix later than this is refused
 _BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
 _FARTHEST = 366 * 86400.0  # s that are predicted; of more the covariance overflows
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
@@ -121,7 +120,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
         self._statistics = ConsistencyStatistics(self.settings, self.vehicle)
         self._late = LateReadings()
-        self._behind = (0.0, 0.0, 0.0)  # odometry older than fixes: since, until; by how much, s
+        self._streams = Streams()  # what of each was refused
         self._map = ""  # fingerprint of the map, once it was asked for
 
     def update(self, observation: Observation) -> Estimate:
@@ -130,7 +129,8 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         A fix that is up to a second late is moved along with the vehicle; an older
         observation, and one that cannot be, is refused and counted in `skipped`.  Where
         nothing but older ones has come for two seconds, the clock was set back, or the last
-        time was wrong: it begins anew, which is counted too.
+        time was wrong: it begins anew, which is counted too.  So it does at the time of the fixes
+        where all of them have been minutes behind for 30 s; what is ahead of them is refused then.
 
         Args:
             observation: A fix or an odometry reading; times in seconds, one clock.
@@ -167,7 +167,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         if isinstance(possible, YawRate):
             rate = true_rate(possible.yaw_rate, self.vehicle)
             return self._take_yaw_rate(replace(possible, yaw_rate=rate))
-        if not self._in_order(possible.time, _LATE if isinstance(possible, GeoFix) else 0.0):
+        if not self._in_order(possible):
             return False
         if isinstance(possible, GeoFix):
             self._take_fix(possible, max(self._filter.time - possible.time, 0.0))
@@ -214,7 +214,8 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         taken = self._gyro.take(reading, wheels, self.skipped)
         if (
             taken and now.started and isinstance(wheels, WheelTicks | WheelSpeed)
-            and self._is_lost(reading.time - wheels.time) and reading.time - now.time >= _BESIDE
+            and self._is_lost(reading.time - wheels.time)
+            and _BESIDE <= reading.time - now.time <= APART
         ):  # fmt: skip
             self._gyro.takeover.mute(ahead := reading.time - now.time)
             metres, speed = driven_on(self._rate[0], ahead)

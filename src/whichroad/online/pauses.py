@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from threading import RLock
 
-from ..observations import StartPose
+from ..diagnosis.finding import Finding
+from ..diagnosis.sensors import refused_finding
+from ..observations import GeoFix, Observation, SensorReading, StartPose
 from ..sensors.validation import check_time
 from .epoch_filter import EpochFilter
 from .localizer_state import Reading, State
@@ -11,7 +13,85 @@ from .localizer_state import Reading, State
 _FEWEST, _FOR = 3, 2.0  # readings in a row, and s of theirs, that are refused as late
 _OF_SPEED, _LEAST_SPEED = 0.3, 0.5  # share of the way that is unsure, and m/s taken up unseen
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
+_FIX_LATE = 1.0  # s; a fix later than this is refused, and odometry that is late at all
+_MOST, _TAKEN = 20, 4  # refused readings that are remembered; what one taken makes up for
+_BLIND = 30.0  # s in which all fixes were refused, to begin anew at their time
+_NAMED = 5.0  # s in which most of a kind were refused, to be named
+APART = 60.0  # s between readings that no latency explains: of another clock, or a pause
+_STEADY = 5.0  # s by which it may change meanwhile
 SET_BACK = "clock set back: started anew"
+AT_FIXES = "clock ahead of the fixes: started anew at their time"
+AHEAD = "clock ahead of the fixes"
+
+
+class Stream:
+    """How far readings of one kind are behind the others, or ahead, while most are refused.
+
+    Attributes:
+        ahead: Whether readings far ahead of the fixes are refused.
+        behind: By so much, s; less than 0: ahead.
+    """
+
+    __slots__ = ("_alone", "_begin", "_score", "_until", "ahead", "behind")
+
+    def __init__(self) -> None:
+        self._score, self.ahead = 0, False
+        self._begin = self._until = self.behind = 0.0
+        self._alone: tuple[float, float] | None = None  # time, behind at the first since one taken
+
+    @property
+    def refused(self) -> float:
+        """For how long at least four of five have been refused, s."""
+        return self._until - self._begin if self._score >= _FEWEST else 0.0
+
+    def took(self) -> None:
+        """A reading was taken."""
+        self._score, self._alone, self.ahead = max(self._score - _TAKEN, 0), None, False
+
+    def refuse(self, now: float, behind: float) -> None:
+        """A reading was refused.
+
+        Args:
+            now: Time of the newest of all readings, s.
+            behind: By so much the reading was behind it, s.
+        """
+        if not self._score:
+            self._begin = now
+        if not self._score or now != self._until:  # later ones of an interval are less behind
+            self.behind = behind
+        self._score, self._until = min(self._score + 1, _MOST), now
+        if self._alone is None or abs(behind - self._alone[1]) > _STEADY:
+            self._alone = (now, behind)
+
+    @property
+    def is_of_another_clock(self) -> bool:
+        """Whether none has been taken for long, at a difference that is no latency."""
+        if self._alone is None or self._alone[1] < APART:
+            return False
+        return self._until - self._alone[0] >= _BLIND
+
+
+class Streams:
+    """Readings by kind: fixes, odometry, and those of further sensors."""
+
+    __slots__ = ("fixes", "further", "odometry")
+
+    def __init__(self) -> None:
+        self.fixes, self.odometry, self.further = Stream(), Stream(), Stream()
+
+    def of(self, observation: Observation) -> Stream:
+        """The one to which an observation belongs."""
+        if isinstance(observation, GeoFix):
+            return self.fixes
+        return self.further if isinstance(observation, SensorReading) else self.odometry
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Those of which most are refused, by their times."""
+        kinds = (("gnss", self.fixes), ("odometry", self.odometry), ("readings", self.further))
+        return tuple(
+            refused_finding(name, one.behind, one.refused)
+            for name, one in kinds if one.refused >= _NAMED
+        )  # fmt: skip
 
 
 class LateReadings:
@@ -49,25 +129,40 @@ class Pauses:
     _began: float | None
     _start: StartPose | None
     _late: LateReadings
-    _behind: tuple[float, float, float]
+    _streams: Streams
     _run: Callable[[], None]
     restore: Callable[[State], None]
     _blank: Callable[[], State]
 
-    def _in_order(self, time: float, most: float) -> bool:
-        """Whether a reading that may be so late is taken; begins anew where all are later."""
-        if most == 0.0:
-            now, since = self._filter.time, self._behind[0]
-            self._behind = (since or now, now, now - time) if now > time else (0.0, 0.0, 0.0)
-        if self._filter.time - time > most and self._filter.started:
-            if not self._late.are_of_another_clock(time):
-                self.skipped["late"] = self.skipped.get("late", 0) + 1
-                return False
-            self.restore(self._blank())
-            self._start = None
-            self.skipped[SET_BACK] = self.skipped.get(SET_BACK, 0) + 1
+    def _in_order(self, observation: Observation) -> bool:
+        """Whether a reading is taken by its time; begins anew where others can be none."""
+        time, now, stream = observation.time, self._filter, self._streams.of(observation)
+        late = now.time - time
+        if stream.ahead and late < -APART:
+            return self._refuse(AHEAD, stream, late)
+        if late > (_FIX_LATE if stream is self._streams.fixes else 0.0) and now.started:
+            if self._late.are_of_another_clock(time):
+                self._begin_anew(SET_BACK)
+            elif stream is self._streams.fixes and stream.is_of_another_clock:
+                self._begin_anew(AT_FIXES)
+                self._streams.odometry.ahead = self._streams.further.ahead = True
+            else:
+                return self._refuse("late", stream, late)
         self._late.took()
+        self._streams.of(observation).took()
         return True
+
+    def _refuse(self, why: str, stream: Stream, late: float) -> bool:
+        """Count a reading that is not taken; False."""
+        stream.refuse(self._filter.time, late)
+        self.skipped[why] = self.skipped.get(why, 0) + 1
+        return False
+
+    def _begin_anew(self, why: str) -> None:
+        """Forget all but the settings, and count it."""
+        self.restore(self._blank())
+        self._start = None
+        self.skipped[why] = self.skipped.get(why, 0) + 1
 
     def wake(self, time: float) -> None:
         """Go on after a pause of which nothing is known, less sure by what it may have brought.

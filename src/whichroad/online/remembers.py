@@ -11,7 +11,7 @@ from ..sensors.gyro_turns import GyroTurns
 from ..settings import Settings, Vehicle
 from .epoch_filter import EpochFilter
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
-from .pauses import LateReadings
+from .pauses import LateReadings, Streams
 from .sensing import Sensing
 
 
@@ -37,7 +37,7 @@ class Remembers:
     _start: StartPose | None
     _statistics: ConsistencyStatistics
     _late: LateReadings
-    _behind: tuple[float, float, float]
+    _streams: Streams
     _map: str
 
     def __getstate__(self) -> dict[str, Any]:
@@ -98,7 +98,7 @@ class Remembers:
                 self._past.forget_after(state.time, now.belief)
             self._statistics.forget_after(state.watched)
             self._late.took()
-            self._behind = (0.0, 0.0, 0.0)
+            self._streams = Streams()
 
     def _fingerprint(self) -> str:
         self._map = self._map or fingerprint(self.roads)

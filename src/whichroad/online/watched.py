@@ -6,7 +6,7 @@ from ..diagnosis.findings import Finding, findings
 from ..diagnosis.further_sensors import further_findings
 from ..diagnosis.map_offset import map_error_of
 from ..diagnosis.sensor_states import SensorState, states_of
-from ..diagnosis.sensors import behind_findings, sensor_findings, takeover_findings
+from ..diagnosis.sensors import sensor_findings, takeover_findings
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..places import Places
 from ..roadmap import RoadMap
@@ -14,6 +14,7 @@ from ..sensors import Sensor
 from ..sensors.gyro_turns import GyroTurns
 from .answering import Answering
 from .epoch_filter import EpochFilter
+from .pauses import Streams
 from .sensing import Sensing
 
 
@@ -27,7 +28,7 @@ class Watched:
     _statistics: ConsistencyStatistics
     _answers: Answering
     _gyro: GyroTurns
-    _behind: tuple[float, float, float]
+    _streams: Streams
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
@@ -67,9 +68,7 @@ class Watched:
         with self._lock:
             belief, names = self._filter.belief, self._sensing.sensed.names
             state = belief.state[0]
-            since, until, late = self._behind
-            behind = behind_findings(late, until - since)
-            further = (*behind, *further_findings(names, state.sensors))
+            further = (*self._streams.findings(), *further_findings(names, state.sensors))
             named = takeover_findings(self._gyro.takeover)
             if named:  # settings are not judged by sensors that are wrong
                 return (*further, *named, *sensor_findings(state.vetting))
