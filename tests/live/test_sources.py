@@ -16,6 +16,7 @@ from whichroad.live.addresses import nmea_address
 from whichroad.live.decode import NmeaStream
 from whichroad.live.health import Health
 from whichroad.live.sources import NmeaInput, read_tcp
+from whichroad.readers import read_drive
 from whichroad.simulate.drive_files import nmea_text
 
 
@@ -117,6 +118,23 @@ def test_what_is_piped_in_is_heard_until_it_ends(files, ride):
         assert ended["sensors"][0]["count"] == 12
         code, _ = served.stop()
     assert code == 0
+
+
+@pytest.mark.slow
+def test_a_service_of_once_ends_with_standard_input(files, ride, tmp_path):
+    options = ("--map", files / "town.map", "--nmea", "-", "--once", "--record", tmp_path / "told")
+    with Served(*options, stdin=subprocess.PIPE) as served:
+        for burst in itertools.islice(on_air(nmea_text(ride).encode(), int(time.time()) - 60), 12):
+            os.write(served.process.stdin.fileno(), burst)
+            time.sleep(0.05)
+        served.process.stdin.close()
+        served.process.stdin = None
+        _, said = served.process.communicate(timeout=60)
+    assert served.process.returncode == 0
+    assert said.splitlines() == ["Ctrl-C stops the service"]
+    [drive] = read_drive([tmp_path / "told"])
+    assert drive.fixes is not None
+    assert len(drive.fixes) == 12
 
 
 @pytest.mark.slow

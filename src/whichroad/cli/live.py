@@ -78,7 +78,9 @@ def live(
     laps: Annotated[
         int, typer.Option(min=1, help="Play the files this many times.", hidden=True)
     ] = 1,
-    once: Annotated[bool, typer.Option("--once", help="Stop at the end of the recording.")] = False,
+    once: Annotated[
+        bool, typer.Option("--once", help="Stop at the end of the recording or standard input.")
+    ] = False,
     start: Annotated[
         str | None, typer.Option(metavar="LAT,LON,BEARING", help="Start pose, in degrees.")
     ] = None,

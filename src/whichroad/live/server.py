@@ -43,7 +43,7 @@ class Plan:
         recording: A recorded drive, played for the first vehicle instead of its inputs.
         speed: Times real time; None: as fast as possible.
         laps: How often it is played.
-        once: Whether to end with the recording.
+        once: Whether to end with the recording, or with standard input.
         window: s by which observations may be late.
         rate: Messages a second where no fix calls for one.
         clock: `sensor`: observations have their own times; `arrival`: that of their arrival.
@@ -144,12 +144,12 @@ class Run:
         gc.collect()
         gc.freeze()
         tasks = [asyncio.create_task(self._guard(one)) for one in inputs]
+        if plan.once:
+            tasks.append(asyncio.create_task(self._until_end(list(tasks))))
         tasks += [asyncio.create_task(self._guard(self._clock()))]
         if self.player is not None:
             self.filter_loop.least = _FAST if plan.speed is None else self.filter_loop.least
             tasks.append(asyncio.create_task(self._guard(self.player.run())))
-            if plan.once:
-                tasks.append(asyncio.create_task(self._until_end(self.player)))
         plan.ready(sock.getsockname()[1])
         try:
             await server.serve(sockets=[sock])
@@ -195,8 +195,12 @@ class Run:
                 jobs = [job for vehicle in self.vehicles for job in vehicle.jobs()]
                 job = loop.run_in_executor(self.writer, _all, jobs) if jobs else None
 
-    async def _until_end(self, player: Player) -> None:
-        await player.ended.wait()
+    async def _until_end(self, inputs: "list[asyncio.Task[None]]") -> None:
+        """End with the recording, or with standard input: no other input ends."""
+        if self.player is not None:
+            await self.player.ended.wait()
+        else:
+            await asyncio.wait(inputs, return_when=asyncio.FIRST_COMPLETED)
         await asyncio.sleep(0.2)
         self.stop()
 
