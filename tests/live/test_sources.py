@@ -138,6 +138,25 @@ def test_a_service_of_once_ends_with_standard_input(files, ride, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_played_log_without_a_date_or_with_garbled_lines_is_told_so(files, ride, tmp_path):
+    lines = nmea_text(ride).splitlines(keepends=True)
+    played = [line for line in lines if line[3:6] not in ("RMC", "ZDA")][:60]
+    garbled = next(k for k, line in enumerate(played) if line[3:6] == "GST" and k > 20)
+    played[garbled] = played[garbled].replace("*", "9*")
+    log = tmp_path / "log.nmea"
+    log.write_text("".join(played))
+    options = ("--map", files / "town.map", "--nmea", log, "--speed", "max", "--once")
+    with Served(*options) as served:
+        _, said = served.process.communicate(timeout=60)
+    assert served.process.returncode == 0
+    assert said.splitlines() == [
+        "note: no date in the log (no RMC, no ZDA): days are counted from 1970-01-01",
+        "Ctrl-C stops the service",
+        "skipped: wrong checksum: 1",
+    ]
+
+
+@pytest.mark.slow
 def test_a_port_that_another_has_is_named(files):
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]

@@ -166,6 +166,8 @@ def live(
         recording = _recorded(play, fittings, first.vehicle, more)
         if recording is not None:
             _check_on_map(recording, first.roads)
+            for note in recording.notes:
+                _report(f"note: {note}")
         for one in vehicles:
             if recording is None:
                 one.nmea, one.can = _inputs(fittings, one.name)

@@ -5,6 +5,7 @@ import contextlib
 import gc
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -19,6 +20,7 @@ from ..errors import SettingError
 from ..observations import Distance, Drive, GeoFix, SpeedYaw, WheelSpeed, WheelTicks
 from ..online import Localizer
 from ..roadmap.extent import are_near
+from ..wording import by_reason
 from .access import is_local
 from .app import Service, application
 from .checkpoint import EVERY
@@ -144,7 +146,7 @@ class Run:
         gc.collect()
         gc.freeze()
         tasks = [asyncio.create_task(self._guard(one)) for one in inputs]
-        if plan.once:
+        if plan.once or self.player is not None:
             tasks.append(asyncio.create_task(self._until_end(list(tasks))))
         tasks += [asyncio.create_task(self._guard(self._clock()))]
         if self.player is not None:
@@ -166,6 +168,7 @@ class Run:
             self.player = Player(
                 filter_loop, RecordedObservations(plan.recording, plan.laps), speed=plan.speed
             )
+            filter_loop.sensor("recording", "file").skipped = sum(plan.recording.skipped.values())
             if filter_loop.buffer.now > 0.0:
                 self.player.start_at(filter_loop.buffer.now)
             return []
@@ -196,13 +199,22 @@ class Run:
                 job = loop.run_in_executor(self.writer, _all, jobs) if jobs else None
 
     async def _until_end(self, inputs: "list[asyncio.Task[None]]") -> None:
-        """End with the recording, or with standard input: no other input ends."""
+        """The recording has ended, or standard input: no other input ends."""
         if self.player is not None:
             await self.player.ended.wait()
+            self._tell_skipped()
         else:
             await asyncio.wait(inputs, return_when=asyncio.FIRST_COMPLETED)
+        if not self.plan.once:
+            return
         await asyncio.sleep(0.2)
         self.stop()
+
+    def _tell_skipped(self) -> None:
+        """What the readers of a recording and the filter did not take, in a line."""
+        recording, skipped = self.plan.recording, self.filter_loop.health()["skipped"]
+        if recording is not None and (counts := Counter(recording.skipped) + Counter(skipped)):
+            self.plan.report(f"skipped: {by_reason(counts)}")
 
     async def _guard(self, work: Coroutine[Any, Any, None]) -> None:
         """Whatever breaks ends the service with its reason."""
