@@ -190,6 +190,16 @@ def test_every_status_has_words_and_adapted_noise_is_added_to_them(status: str):
     assert larger.endswith("GNSS sigmas taken 2.3 times as large") == (status != "outage")
 
 
+def test_what_a_receiver_alone_begins_with_is_no_reason(roads: RoadMap):
+    fixes = drive(0.0).fixes
+    assert fixes is not None
+    online = Localizer(roads)
+    for time, lat, lon in list(zip(fixes.time, fixes.lat_deg, fixes.lon_deg, strict=True))[:5]:
+        said = online.update(GeoFix(float(time), float(lat), float(lon), 9.0, 0.0, 9.0))
+        assert said.gnss_scale > 1.9
+        assert "GNSS sigmas" not in said.reason
+
+
 def test_a_third_road_is_named_only_when_it_counts():
     few = reason("ambiguous", roads=[(1, 0.7), (-1, 0.27), (3, 0.03)])
     assert few == "edge 1 (0.70) or off the roads (0.27)"

@@ -493,7 +493,7 @@ def test_the_reason_names_the_status_and_outliers_and_the_gnss_scale(mode: str):
         gnss = ""
         if away[k] > 0.0:
             gnss = f"fixes {away[k]:.0f} m away are rejected"
-        elif round(scale, 1) >= 1.5 and status != "outage":
+        elif round(scale, 1) > 2.0 and status != "outage":
             gnss = f"GNSS sigmas taken {scale:.1f} times as large"
         if away[k] > 0.0 and status == "lost":
             main = ""

@@ -9,7 +9,7 @@ RECENT = 3.0  # s, validity of the verdict on a fix
 COUNTS = 0.05  # P from which on a third road is named
 _FAR = 20.0  # m, distance from which on a fix may be disbelieved
 _SIGMAS = 6.0
-_LARGE = 1.5  # of the GNSS scale, from which on it is worth a word
+_LARGE = 2.0  # of the GNSS scale: a receiver alone begins with it, so that only more is learnt
 
 _REASONS = {
     "on_road": "",
@@ -51,7 +51,7 @@ def reason(
         gnss = f"fixes {disbelieved:.0f} m away are rejected"
         if status == "lost":
             return gnss
-    elif scale >= _LARGE and status != "outage":
+    elif round(scale, 1) > _LARGE and status != "outage":
         gnss = f"GNSS sigmas taken {scale:.1f} times as large"
     return "; ".join(part for part in (words, gnss) if part)
 
