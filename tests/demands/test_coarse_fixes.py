@@ -39,3 +39,19 @@ def test_the_level_reaches_the_ways_that_are_not_followed(lag):
         over += int((error > points.protection_level_m.to_numpy()).sum())
         rows += len(points)
     assert over <= 0.01 * rows
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+def test_what_was_dropped_is_forgotten_once_fine_fixes_come_often(lag):
+    """Fixes of 100 m each 10 s, and from 150 s on of 4 m each second."""
+    time, place = along(np.array(TURNS) * BLOCK, 8.0, 1.0)
+    coarse = time < 150.0
+    used = ~coarse | (np.arange(len(time)) % 10 == 0)
+    sigma = np.where(coarse, 100.0, 4.0)
+    random = np.random.default_rng(1)
+    lat, lon = PLANE.to_geodetic(*(place + sigma[:, None] * random.normal(size=place.shape)).T)
+    table = {"time": 1.6e9 + time, "lat": lat, "lon": lon, "sigma_m": sigma}
+    points = whichroad.match({n: v[used] for n, v in table.items()}, roads(), lag=lag).points
+    fine = points[-200:]
+    assert fine.p_off_road.max() < 0.1
+    assert fine.protection_level_m.median() < 40.0

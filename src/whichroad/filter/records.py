@@ -107,6 +107,7 @@ DROPPED = np.dtype(  # ways between sparse fixes that nobody follows, see `spars
     [
         ("p", "f8"),  # P of them
         ("sigma", "f8"),  # of the fix, within which they lie, m
+        ("time", "f8"),  # s, of that fix
     ],
     align=True,
 )

@@ -9,7 +9,8 @@ import math
 from .._compile import Record, kernel
 from .gnss.separation import cover_place
 from .gnss.sides import weight_off_roads
-from .state import CLOCK, Belief, Context, X, Y, most_probable
+from .sparse.dropped import forget_dropped
+from .state import CLOCK, ROUTES, Belief, Context, X, Y, most_probable
 from .unmapped import watch_fixes
 
 _SURE = 0.01  # P(off the roads) up to which their place is known
@@ -20,7 +21,7 @@ _ANY_TURN = 1.0  # rad², of a heading by turns that may have been lost
 
 @kernel
 def watch_roads(belief: Belief, ctx: Context) -> None:
-    """Whether roads were left: beside fixes, or while none comes.
+    """Whether roads were left: beside fixes, while none comes, or not followed any more.
 
     Args:
         belief: Normalised.
@@ -28,6 +29,8 @@ def watch_roads(belief: Belief, ctx: Context) -> None:
     """
     if belief.state[0].changed == 1 and not ctx.par[0].paper:
         watch_fixes(belief, ctx)
+    if belief.state[0].observed == 1 and belief.state[0].motion != ROUTES:
+        forget_dropped(belief.state[0])
     _count_way(belief, ctx)
 
 

@@ -5,8 +5,8 @@ looks, where it leaves a mapped one slowly and runs beside it, like a map that i
 far the fixes lie beside the road, over what receiver and map are said to err by, tells which of
 the two is more likely.
 
-Where nothing but fixes measures the motion, a road far beside which they lie is then left.  Beside
-wheels it is not: fixes that are pulled away look so, too.
+Where no turns are measured, a road far beside which fixes lie is then left.  Beside wheels or a
+gyro it is not: fixes that are pulled away look so, too.
 """
 
 import math

@@ -2,7 +2,8 @@
 
 By fixes of a hundred metres hundreds of ways are likely, and two dozen are followed.  What the
 others had of the probability is remembered, and as far as they may lead the estimate reaches.
-Fixes show soon which ways were right: of what was dropped half is forgotten at each.
+Fixes show soon which ways were right: of what was dropped half is forgotten at each, and where
+they come more often, in some seconds.
 """
 
 import math
@@ -12,7 +13,8 @@ from ...graph.labels import Search
 from ..state import Belief, Context
 from .candidates import SparseFix
 
-_KEPT = 0.5  # of what was dropped before, at the next fix
+_KEPT = 0.5  # of what was dropped before, at the next fix,
+_LASTS = 3.0  # s, and for which it is remembered where fixes come more often
 _LEAST = 1e-5  # share of the likelihood that is not noted
 _BEFORE = 0.1  # of what was dropped later, at the fix before: most of it came from the same way
 
@@ -58,6 +60,16 @@ def note_dropped(belief: Belief, ctx: Context, fix: SparseFix, whole: float, fir
     dropped = belief.state[0].separation.dropped
     dropped.p = left + (1.0 - left) * _KEPT * dropped.p
     dropped.sigma = fix.sigma
+    dropped.time = belief.state[0].time
+
+
+@kernel
+def forget_dropped(state: Record) -> None:
+    """A fix that no ways were searched for: the roads decide from fix to fix again."""
+    dropped = state.separation.dropped
+    if dropped.p > 0.0:
+        dropped.p *= math.exp(-max(state.time - dropped.time, 0.0) / _LASTS)
+        dropped.time = state.time
 
 
 @kernel
