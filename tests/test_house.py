@@ -321,7 +321,13 @@ def names(path: Path) -> list[str]:
 
 @pytest.mark.parametrize(
     "document",
-    ["docs/model.md", "docs/sensors-that-fail.md", "docs/architecture.md", "docs/glossary.md"],
+    [
+        "docs/model.md",
+        "docs/sensors-that-fail.md",
+        "docs/architecture.md",
+        "docs/glossary.md",
+        *(f"docs/model/{path.name}" for path in sorted((ROOT / "docs" / "model").iterdir())),
+    ],
 )
 def test_what_the_documents_name_exists(document: str):
     missing = []

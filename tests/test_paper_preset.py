@@ -188,7 +188,7 @@ def test_a_table_of_fixes_is_matched_by_name_of_the_model():
     assert result.path_arrow().num_rows == 1
 
 
-# What follows from it, and not from ours (docs/model.md, section 6)
+# What follows from it, and not from ours (docs/model.md, section 11)
 
 
 def test_its_sigma_along_the_road_shrinks_without_information_and_ours_does_not():

@@ -22,6 +22,10 @@ import pytest
 from whichroad.settings import Settings
 
 ROOT = Path(__file__).parents[1]
+MODEL_PAGES = [
+    "docs/model.md", "docs/sensors-that-fail.md",
+    *(f"docs/model/{path.name}" for path in sorted((ROOT / "docs" / "model").iterdir())),
+]  # fmt: skip
 PAGES = ["README.md", "docs/model.md", "docs/sensors-that-fail.md", "docs/architecture.md"]
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
@@ -119,27 +123,23 @@ def test_documents_use_the_words_of_the_field(path: Path):
     assert [line for line in text.splitlines() if _HOMEMADE.search(line)] == []
 
 
-# The numbers of the model's page
+# The numbers of the model's pages
 
 SETTING = re.compile(r"`([a-z][a-z_0-9]*)` \(([-+.\de]+)(?: ([^()]+))?\)")
-MODEL = " ".join(
-    word
-    for page in ("model.md", "sensors-that-fail.md")
-    for word in (ROOT / "docs" / page).read_text("utf-8").split()
-)
+MODEL = " ".join(word for page in MODEL_PAGES for word in (ROOT / page).read_text("utf-8").split())
 FIELDS = {f.name: f for f in fields(Settings)}
 
 
 @pytest.mark.parametrize(
     ("name", "value", "unit"), sorted(set(SETTING.findall(MODEL))), ids=lambda v: v or "-"
 )
-def test_a_number_on_the_models_page_is_the_default(name: str, value: str, unit: str):
+def test_a_number_on_the_models_pages_is_the_default(name: str, value: str, unit: str):
     field = FIELDS[name]
     assert float(value) == field.default
     assert unit == field.metadata["unit"]
 
 
-def test_the_models_page_names_every_setting():
+def test_the_models_pages_name_every_setting():
     assert set(FIELDS) - {name for name, _, _ in SETTING.findall(MODEL)} == set()
 
 

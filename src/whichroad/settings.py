@@ -2,7 +2,7 @@
 
 `Settings` are the model's, `Vehicle` describes one car.  Sources: the paper
 (Smaili et al. 2007) gives map errors as 95 % radii, 10 m absolute and 1 m relative;
-the rest was measured on simulated and real drives (docs/model.md, section 7).
+the rest was measured on simulated and real drives (docs/experiments-log.md).
 """
 
 import json

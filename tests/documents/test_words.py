@@ -35,6 +35,7 @@ KEPT = {
 TECHNICAL = {
     "docs/model.md", "docs/sensors-that-fail.md", "docs/architecture.md", "docs/exact.md",
     "benchmarks/README.md",
+    *(f"docs/model/{path.name}" for path in (ROOT / "docs" / "model").iterdir()),
 }  # fmt: skip
 READ = [p for p in PAGES if title(p) not in KEPT and "decisions" not in p.parts]
 SHORT = [p for p in READ if title(p) not in TECHNICAL]

@@ -16,7 +16,7 @@ from .streets import Bytes, Column, Ints, Streets
 
 Ints32 = NDArray[np.int32]
 
-# turn priors before they are normalised (docs/model.md, section 7)
+# turn priors before they are normalised (docs/model/hypotheses.md)
 _STRAIGHT = radians(34.0)
 _SHARP = radians(120.0)
 _BEND, _HAIRPIN, _TURN_ROUND = 0.5, 0.1, 0.01
