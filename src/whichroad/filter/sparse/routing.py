@@ -7,9 +7,7 @@ usual, and each Gaussian is truncated to its edge.
 
 import math
 
-from ..._compile import Record, kernel
-from ...graph.geometry import locate
-from ...graph.index import vertex_at
+from ..._compile import kernel
 from ...graph.network import Roads
 from ...graph.route_search import set_goals
 from ..gaussian import normal_cdf, reshape_on_map, truncated_moments
@@ -20,75 +18,46 @@ from ..road import track
 from ..slow_states import decay
 from ..state import (
     CAPACITY,
-    MX,
-    MY,
-    NO_EDGE,
     OFF_ROAD,
     Belief,
     Context,
-    D,
-    H,
     K,
     Path,
     X,
     Y,
     heaviest,
-    lane_mean,
-    lane_sigma,
     move_row,
-    redraw,
     rescale,
-    spawn,
 )
-from .arrival import HEADING_NOISE, arrive, observe_line
+from .arrival import arrive
 from .candidates import (
     SparseFix,
     find_candidates,
     fix_of,
 )
 from .choice import choose_routes
-from .driver import SPEED_SIGMA, forget_leg
+from .driver import forget_leg
 from .dropped import likelihood_left, note_dropped
+from .off_road import exchange_off_road
 from .parked import (
     REST_VARIANCE,
     comes_to_stand,
     goes_on_standing,
-    is_parked,
     leave_parking,
     park,
 )
 from .past_wrong_fix import begin_anew, note_between
 from .wrong_fix import drive_on, may_be_wrong
 
-_OFF_ROAD_SPEED, _LEAST_OFF_ROAD_SPEED = 8.0, 5.0  # m/s
 _MOST_ARRIVALS = 24  # routes that become hypotheses,
 _PARKS = 3  # and of these that may end beside the road
 
 _STANDING = 1e-3  # least weight of a hypothesis of standing
 _LEAST_ON_EDGE = 0.3  # divisor of its weight at least
-
-_BY_CHANCE = 2.0  # nats at most for being beside a road without being on one
-_LEAVE = 0.1  # rate of leaving the roads between sparse fixes, over the usual one
-_MOST_LEAVE = 0.3  # probability of it
 _MISSING = 0.1  # P(the map lacks the road) where there is no route to a fix that may be wrong
-_RETURN = 0.5  # probability of returning from off-road to the roads at the next fix
-_LEAST = 1e-5  # least weight of a returning hypothesis
-_FAR_ABOVE = 3.0  # nats
-_ANY_DISTANCE = 1e6  # m², variance of the distance of a vehicle that comes from off-road
 
 _STANDS = 30.0  # m of road on which as many vehicles drive as stand before a junction
 _QUEUE = 6.0  # m before the junction: mean and sigma of where they stand
-
-
-@kernel
-def _prior_mass(ctx: Context, c: int, sigma: float) -> float:
-    """Prior mass of a candidate for a vehicle that comes from off-road."""
-    near = ctx.work.near[c]
-    edge = ctx.roads.edges[near.edge]
-    mass = normal_cdf((edge.length - near.s) / sigma) - normal_cdf(-near.s / sigma)
-    if edge.rule:
-        mass *= max(ctx.par[0].wrong_way, 1e-6)
-    return float(mass)
 
 
 @kernel(inline=True)
@@ -120,75 +89,6 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
 
 
 @kernel(inline=True)
-def _predict_off_road(hyp: Record, fix: SparseFix) -> None:
-    """Off the roads any motion towards the fix is possible."""
-    mean = hyp.mu
-    cov = hyp.cov
-    process = fix.process
-    reach = max(mean[K], _LEAST_OFF_ROAD_SPEED) * fix.dt
-    variance = 0.5 * reach * reach + process.variance
-    redraw(hyp, H, math.atan2(fix.y - mean[Y], fix.x - mean[X]), 0.5)
-    forget_leg(hyp.leg)
-    cov[X, X] += variance
-    cov[Y, Y] += variance
-    decay(mean, cov, K, _OFF_ROAD_SPEED, process.keep, SPEED_SIGMA * SPEED_SIGMA)
-    hyp.stood = 0.0
-
-
-@kernel(inline=True)
-def _return_to_roads(belief: Belief, ctx: Context, i: int, first: int, fix: SparseFix) -> None:
-    """Children of an off-road hypothesis on the roads near the fix, in proportion to length.
-
-    A road that a route leads to with far more weight (hypotheses from `first` on) needs none.
-    """
-    mass = ctx.work.search.goal_mass
-    total = 0.0
-    for c in range(fix.found):
-        mass[c] = _prior_mass(ctx, c, fix.sigma)
-        total += mass[c]
-    if total <= 0.0:
-        return
-    hyp = belief.hyp[i]
-    rescale(hyp, 1.0 - _RETURN)
-    for c in range(fix.found):
-        share = _RETURN / (1.0 - _RETURN) * mass[c] / total
-        if hyp.weight * share < _LEAST or belief.state[0].count >= CAPACITY:
-            continue
-        edge = ctx.work.near[c].edge
-        if not _is_reached(belief, first, edge, hyp.log_weight + math.log(share)):
-            _return_to(belief, ctx, i, c, share)
-
-
-@kernel
-def _return_to(belief: Belief, ctx: Context, i: int, c: int, share: float) -> None:
-    """Append a child of an off-road hypothesis on candidate c."""
-    near = ctx.work.near[c]
-    edge = near.edge
-    scale = belief.state[0].scale
-    segment, cx, cy, tx, ty = locate(ctx.roads, edge, vertex_at(ctx.roads, edge, near.s), near.s)
-    hyp = belief.hyp[spawn(belief, i, share, edge, segment)]
-    mean = hyp.mu
-    redraw(hyp, D, lane_mean(ctx, edge), lane_sigma(ctx, edge) ** 2)
-    hyp.cov[H, H] = ctx.par[0].edge_heading_sigma ** 2 + HEADING_NOISE
-    mean[H] = math.atan2(ty, tx)
-    lateral = ty * (mean[X] - cx) / scale - tx * (mean[Y] - cy) / scale
-    lateral += ty * mean[MX] - tx * mean[MY]
-    observe_line(hyp, ctx, tx, ty, mean[D] - lateral, scale)
-    hyp.p_not_passed = 1.0
-    hyp.travel_variance = _ANY_DISTANCE
-
-
-@kernel
-def _is_reached(belief: Belief, first: int, edge: int, log_weight: float) -> bool:
-    """Whether a hypothesis from `first` on is on an edge with far more than a weight."""
-    top = -math.inf
-    for j in range(first, belief.state[0].count):
-        if belief.hyp[j].edge == edge:
-            top = max(top, belief.hyp[j].log_weight)
-    return bool(top > log_weight + _FAR_ABOVE)
-
-
-@kernel(inline=True)
 def _take_best_routes(
     belief: Belief, path: Path, history: History, ctx: Context, fix: SparseFix
 ) -> int:
@@ -217,34 +117,6 @@ def _take_best_routes(
         arrived += 1
     note_dropped(belief, ctx, fix, whole, first)
     return arrived
-
-
-@kernel(inline=True)
-def _exchange_off_road(
-    belief: Belief, ctx: Context, top: int, n: int, metres: float, fix: SparseFix
-) -> None:
-    """Off-road hypotheses move and return to the roads; the heaviest, `top`, may leave them."""
-    par = ctx.par[0]
-    chance = 0.0
-    if fix.found > 0 and ctx.work.near[0].distance < 2.0 * fix.sigma:
-        chance = min(_BY_CHANCE, par.off_road_cost * metres)
-    share = min(_LEAVE * par.off_road_leave * (metres + 10.0), _MOST_LEAVE)
-    leaves = belief.hyp[top].log_weight + math.log(max(share, 1e-300)) - _FAR_ABOVE
-    for i in range(n):
-        hyp = belief.hyp[i]
-        if is_parked(hyp):
-            continue
-        if hyp.edge == OFF_ROAD:
-            if i != top and hyp.weight < _LEAST and hyp.log_weight < leaves:
-                hyp.edge = NO_EDGE  # a hypothesis that leaves the roads now is as good
-                continue
-            _predict_off_road(hyp, fix)
-            hyp.log_weight -= chance
-            if fix.found > 0 and hyp.weight > _LEAST:
-                _return_to_roads(belief, ctx, i, n, fix)
-        elif i == top and belief.state[0].count < CAPACITY:
-            child = spawn(belief, i, share, OFF_ROAD, hyp.segment)
-            _predict_off_road(belief.hyp[child], fix)
 
 
 @kernel
@@ -297,7 +169,7 @@ def transit(
             rescale(belief.hyp[top], _MISSING)
         belief.hyp[top].edge = OFF_ROAD  # no route: the road driven is not on the map
         belief.hyp[top].new_edge = 1
-    _exchange_off_road(belief, ctx, top, n, metres, sparse)
+    exchange_off_road(belief, ctx, top, n, metres, sparse)
     for i in range(n - 1, -1, -1):  # the last one takes the place of one that has left its road
         if belief.hyp[i].edge != OFF_ROAD:
             state.count -= 1
