@@ -116,7 +116,8 @@ def _scale(belief: Belief, state: Any) -> tuple[Learnt, ...]:
         mean, variance = (float(one) for one in state["known_rate"][0])
     if variance <= _NEVER:
         return ()
-    return (Learnt("scale", mean, math.sqrt(variance), "m/m"),)
+    factor = float(state["vetting"]["wheel_size"]["factor"][0])
+    return (Learnt("scale", factor * mean, factor * math.sqrt(variance), "m/m"),)
 
 
 def _drift(belief: Belief, state: Any, by_gyro: bool) -> tuple[Learnt, ...]:

@@ -23,6 +23,7 @@ _IN_DEGREES = 5.0  # above which they are in degrees
 _SILENT = 10.0  # s, to be named
 _UNTURNED = 500.0  # m, the same
 _LATE = 0.25  # s, to be named
+_SIZE, _LEARNT_SIZE = 0.01, 0.05  # of the odometer's scale that was mended, or learnt: to be named
 _BEHIND = 0.1  # s behind others on line, within which none is refused for long
 _READINGS = {
     "gnss": ("fixes", "the odometry"),
@@ -57,6 +58,9 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
                 "yaw rate's unit",
             )
         )  # fmt: skip
+    size = vetting.wheel_size
+    if abs(size.factor - 1.0) > _SIZE or abs(size.factor * size.rate - 1.0) > _LEARNT_SIZE:
+        found.append(_scale(size))
     if vetting.turnabouts > 0:
         found.append(_column(BACKWARDS))
     if vetting.unturned >= _UNTURNED:
@@ -201,6 +205,19 @@ def _distance(vetting: Record) -> Finding:
         "odometry: distance", "warning", ratio, 0.9, 1.1,
         f"it measured {ratio:.2f} of the way of the fixes{when}; it was withheld; check "
         "metres_per_tick and the unit of the speed",
+    )  # fmt: skip
+
+
+def _scale(size: Record) -> Finding:
+    """An odometer whose scale was found to be another one."""
+    metres = float(size.factor * size.rate)
+    when = ""
+    if size.time > -math.inf:
+        when = f", as found at {datetime.fromtimestamp(float(size.time), UTC):%H:%M:%S} UTC"
+    return Finding(
+        "wheels: scale", "warning", metres, 1.0 - _SIZE, 1.0 + _SIZE,
+        f"one metre by the odometer is {metres:.3f} m by the fixes{when}, and is taken for that; "
+        "correct metres_per_tick (other tyres, or another vehicle's numbers?) or the speed's unit",
     )  # fmt: skip
 
 

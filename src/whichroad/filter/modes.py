@@ -22,6 +22,7 @@ from .vetting.motion_sources import (
 )
 from .vetting.repeats import is_repeated
 from .vetting.vet import mode_of, refuse_standing, vet
+from .vetting.wheel_size import mend_size
 from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
 _IN_GAP = 0.3  # P(it has driven round corners unseen, or stopped) in a gap of all sensors
@@ -129,6 +130,20 @@ def _start_elsewhere(belief: Belief, par: Record, epoch: Record, surely: bool) -
         state.gnss_factor = 0.0
 
 
+@kernel
+def _take_scale(belief: Belief, par: Record, epoch: Record) -> None:
+    """Odometry is multiplied by another number from now on; where that has moved it, start anew."""
+    state = belief.state[0]
+    size = state.vetting.wheel_size
+    size.found = 0
+    state.known_rate[0] = size.rate
+    state.known_rate[1] = size.rate_variance
+    state.vetting.windows.count = 0
+    for i in range(state.count):
+        redraw(belief.hyp[i], K, size.rate, size.rate_variance)
+    _start_elsewhere(belief, par, epoch, False)
+
+
 @kernel(inline=True)
 def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> None:
     """A source of motion that is not believed from this fix on may have led the vehicle astray."""
@@ -136,6 +151,8 @@ def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> No
     if vetting.latency.found == 1:
         vetting.latency.found = 0
         _start_elsewhere(belief, par, epoch, True)
+    if vetting.wheel_size.found == 1:
+        _take_scale(belief, par, epoch)
     if vetting.exposed == 1:
         vetting.exposed = 0
         _start_elsewhere(belief, par, epoch, departed)
@@ -162,7 +179,9 @@ def _pass_pose(belief: Belief, par: Record) -> None:
     """Tell the latency which way the vehicle heads, and the odometer's scale."""
     state = belief.state[0]
     latency = state.vetting.latency
+    size = state.vetting.wheel_size
     latency.heading[1] = math.inf
+    size.rate_variance = math.inf
     if state.mode == CLOCK or state.count == 0:
         return
     top = belief.hyp[most_probable(belief)]
@@ -171,6 +190,8 @@ def _pass_pose(belief: Belief, par: Record) -> None:
     latency.heading[0] = top.mu[H]
     latency.heading[1] = top.cov[H, H]
     latency.rate = top.mu[K]
+    size.rate = top.mu[K]
+    size.rate_variance = top.cov[K, K]
     latency.antenna[0] = par.lever[0]
     latency.antenna[1] = par.lever[1]
 
@@ -238,6 +259,15 @@ def _withhold_repeats(vetting: Record, reading: Record, dt: float, sensors: int)
 
 
 @kernel
+def _withhold_reports(vetting: Record, reading: Record) -> None:
+    """Take what the receiver reports of its motion out of a reading, where it is not believed."""
+    if vetting.refused[SPEED] == 1 or vetting.odd > 0:
+        reading.speed_sigma = math.inf
+    if vetting.refused[COURSE] == 1 or not is_borne_out(vetting):
+        reading.course_sigma = math.inf
+
+
+@kernel
 def _turn_about(belief: Belief, par: Record) -> None:
     """Start anew at this fix: the vehicle faces the other way."""
     state = belief.state[0]
@@ -262,6 +292,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     state = belief.state[0]
     par = ctx.par[0]
     copy_record(reading, epoch)
+    mend_size(state.vetting.wheel_size, reading)
     if par.paper:
         state.mode = par.mode
         return reading
@@ -281,10 +312,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     departed = p_departed(state) > _DEPARTED
     if departed and reading.has_fix:
         refuse_standing(vetting)
-    if vetting.refused[SPEED] == 1 or vetting.odd > 0:
-        reading.speed_sigma = math.inf
-    if vetting.refused[COURSE] == 1 or not is_borne_out(vetting):
-        reading.course_sigma = math.inf
+    _withhold_reports(vetting, reading)
     if epoch.time - vetting.suspect_at < _UNSURE:
         reading.odometry_valid = 0
     mode = mode_of(vetting, sensors)

@@ -356,3 +356,21 @@ def _cover(state: Record, out: Record, place: Vector, sigma: float) -> None:
     dx = (place[0] - out.x) / state.scale
     dy = (place[1] - out.y) / state.scale
     cover_place(out, dx, dy, state.separation.unmapped.p, (sigma, sigma, sigma))
+
+
+@kernel(inline=True)
+def cover_scale(state: Record, out: Record, risk: float) -> None:
+    """Let an estimate cover the last fix, where the odometer may count too much or too little.
+
+    Args:
+        state: With the fix.
+        out: The estimate, in place: levels and covariance.
+        risk: Of the level.
+    """
+    size = state.vetting.wheel_size
+    if size.p <= risk:
+        return
+    dx = (size.at[0] - out.x) / state.scale
+    dy = (size.at[1] - out.y) / state.scale
+    sigma = size.at[2] * math.sqrt(2.0 * math.log(size.p / risk))
+    cover_place(out, dx, dy, size.p, (sigma, sigma, sigma))

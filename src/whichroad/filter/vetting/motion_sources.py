@@ -7,6 +7,7 @@ import numpy as np
 from ..._compile import Record, kernel
 from .latency import LATENCY, clear_latency
 from .repeats import REPEATS
+from .wheel_size import WHEEL_SIZE
 from .windows import WINDOWS
 
 ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
@@ -87,6 +88,7 @@ VETTING = np.dtype(
         ("agreed_turn", "f8"),  # and the sum of turns when it last did not, rad
         ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
         ("latency", LATENCY),
+        ("wheel_size", WHEEL_SIZE),  # of the wheels: the odometer's scale
         ("repeats", REPEATS),  # fixes that only repeat a place
     ],
     align=True,
@@ -126,6 +128,10 @@ _SOUND_WAY = 2000.0  # m, after which relapses are forgotten
 def clear(vetting: Record) -> None:
     """Begin: nothing was seen, and everything is believed."""
     clear_latency(vetting.latency)
+    vetting.wheel_size.rate_variance = math.inf
+    vetting.wheel_size.rate = 1.0
+    vetting.wheel_size.factor = 1.0
+    vetting.wheel_size.time = -math.inf
     vetting.rolled = _ROLLED
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0

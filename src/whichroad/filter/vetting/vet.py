@@ -26,6 +26,7 @@ from .motion_sources import (
 )
 from .plausibility import check_odometry, is_odd
 from .sparse_fixes import leg_of, weigh_leg
+from .wheel_size import watch_size
 from .windows import (
     ANCHORS,
     BY_GYRO,
@@ -83,13 +84,12 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         keep_place(vetting.latency, windows.now, epoch.time)
     if not epoch.has_fix:
         return
-    if sensors != CLOCK:
-        valid = is_possible(vetting) and vetting.missed == 0 and vetting.refused[ARC] == 0
-        valid = valid and (sensors == DISTANCE or vetting.refused[TURN] == 0)
-        heed_clocks(vetting.latency, epoch, scale, valid)
+    sound = _compare_clocks(vetting, epoch, sensors, scale)
     odd = is_odd(vetting, epoch)
     leg = leg_of(windows, epoch, scale)
-    if not add_fix(windows, epoch, scale, not odd):
+    kept = add_fix(windows, epoch, scale, not odd)
+    watch_size(vetting.wheel_size, epoch, windows, scale, sound)
+    if not kept:
         return
     if leg.seconds > 0.0:
         seen = weigh_leg(vetting, leg, sensors)
@@ -114,6 +114,17 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     weigh_distances(vetting, sensors, seen, turn, since)
     _decide(vetting)
     _record(vetting, seen, windows.now.time, since)
+
+
+@kernel
+def _compare_clocks(vetting: Record, epoch: Record, sensors: int, scale: float) -> bool:
+    """Learn how late a fix is; returns whether distance and turn until it may be right."""
+    if sensors == CLOCK:
+        return False
+    sound = is_possible(vetting) and vetting.missed == 0 and vetting.refused[ARC] == 0
+    sound = sound and (sensors == DISTANCE or vetting.refused[TURN] == 0)
+    heed_clocks(vetting.latency, epoch, scale, sound)
+    return bool(sound and sensors == WHEELS and vetting.windows.now.odometry == 1)
 
 
 @kernel
