@@ -38,6 +38,7 @@ from ..settings import Settings, Vehicle, parameters, tuned_by
 from .answering import Answering
 from .epoch_filter import EpochFilter
 from .estimates import Estimate
+from .late_fixes import motion_since
 from .localizer_state import Reading, State
 from .looks_back import LooksBack
 from .one_odometry import SECOND, is_worse
@@ -295,9 +296,9 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             fix, self.roads.plane, self.settings.default_sigma_m
         )
         if late and now.count:
-            heading = now.heading()
-            x += now.speed * late * math.cos(heading)
-            y += now.speed * late * math.sin(heading)
+            since = motion_since(now, fix.time)
+            x, y, course = x + since.x, y + since.y, course + since.turn
+            major, minor = math.hypot(major, since.sigma), math.hypot(minor, since.sigma)
         now.add_fix((x, y, major, minor, axis, fix.speed, fix.sigma_speed, course, sigma))
         self._gyro.takeover.fixed(fix.lat_deg, fix.lon_deg, math.sqrt(major * minor))
         self._run()
