@@ -110,6 +110,52 @@ def test_intervals_hold_the_truth_as_often_as_they_say(passages):
     assert 0.92 <= held <= 0.98
 
 
+LENGTHS = np.array([600.0, 20.0, 60.0, 200.0] * 4)  # m, of a route
+
+
+def driven(rng, interval, trips=12):
+    """A path of trips over one route, and true seconds a metre.
+
+    Vehicles wait 4 m before half of the nodes.  Time is spread evenly between two fixes, as by
+    `match`.
+    """
+    pace = 0.1 * np.exp(0.1 * rng.normal(size=len(LENGTHS)))
+    waits = rng.uniform(0.0, 0.4, len(LENGTHS)) * (rng.random(len(LENGTHS)) < 0.5)
+    ends = np.concatenate([[0.0], np.cumsum(LENGTHS)])
+    stops = ends[1:] - 4.0
+    known = np.sort(np.concatenate([ends, stops, stops + 1e-6]))
+    guessed, true = [], []
+    for _ in range(trips):
+        driven = np.concatenate([[0.0], np.cumsum(LENGTHS * pace)]) * np.exp(0.1 * rng.normal())
+        wait = (rng.random(len(LENGTHS)) < waits) * rng.exponential(10.0, len(LENGTHS))
+        waited = np.concatenate([[0.0], np.cumsum(wait)])[np.searchsorted(stops, known)]
+        time = np.interp(known, ends, driven) + waited
+        fixes = np.arange(-rng.uniform(0.0, interval), time[-1] + interval, interval)
+        guessed.append(np.diff(np.interp(ends, np.interp(fixes, time, known), fixes)))
+        true.append(np.diff(np.interp(ends, known, time)))
+    one = path(
+        np.tile(np.arange(len(LENGTHS)), trips), np.tile(LENGTHS, trips), np.concatenate(guessed),
+        drive=[f"trip {k}" for k in range(trips) for _ in LENGTHS],
+    )  # fmt: skip
+    return one, np.mean(true, axis=0) / LENGTHS
+
+
+@pytest.mark.parametrize("interval", [5.0, 30.0])
+def test_intervals_hold_the_speed_of_short_edges_between_fixes_far_apart(interval):
+    rng = np.random.default_rng(7)
+    held = []
+    for _ in range(60):
+        one, pace = driven(rng, interval)
+        names = pa.array(one["drive_id"].unique())
+        epochs = pa.array([11] * len(names))
+        duration = pa.array([10.0 * interval] * len(names))
+        drives = pa.table({"drive_id": names, "epochs": epochs, "duration_s": duration})
+        found = whichroad.speeds(one, hours=False, drives=drives).to_pandas()
+        held.append((found.low_mps * pace <= 1.0) & ~(found.high_mps * pace < 1.0))
+    share = np.mean(held, axis=0)[4:-4].reshape(-1, 4).mean(axis=0)  # by length
+    assert np.all(share >= 0.92), share
+
+
 def test_what_is_no_path_is_refused(tmp_path):
     with pytest.raises(ReadError, match="not its points"):
         whichroad.speeds(pa.table({"drive_id": ["a"]}))

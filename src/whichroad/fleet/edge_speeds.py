@@ -3,7 +3,8 @@
 The mean is the harmonic one, distance over time.  Each passage counts by its probability and by
 how much of it was seen: `length / (length + REACH * interval)`, where the interval is that of
 the drive's fixes.  The share depends on no speed, so that slow passages count no more than fast
-ones.  The 95 % interval is that of a ratio estimator, in seconds a metre, and of what was not seen.
+ones.  The 95 % interval is that of a ratio estimator, in seconds a metre, and of what was not
+seen: that is the mean over a longer stretch, and a shorter one differs the more from it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 from ..errors import ReadError, SettingError
 
 REACH = 10.0  # m/s: what is guessed about both ends of a passage, over the interval of fixes
+EVEN = 10.0  # m over which seconds a metre are alike: stops.  Real tracks at 1 Hz: 10 to 20
 _HOURS = 168  # of a week
 _BITS = 24  # of a vehicle's hash
 _MERGE = 1 << 20  # rows of parts after which they are joined
@@ -211,12 +213,12 @@ class _Sums:
             hour = 24 * day + clock
         key = (self._ids(table) * 2 + table["forward"].to_numpy()) * _HOURS + hour
         drives, at = _hashes(table["drive_id"])
-        seen = length / (length + REACH * intervals(drives)[at])
-        weight = p * seen
+        interval = intervals(drives)[at]
+        weight = p * length / (length + REACH * interval)
         wd, wt = weight * length, weight * time
         squares = (wd**2, wd * wt, wt**2)
-        unseen = wd * (1.0 - seen)
-        self._put(key, np.column_stack([np.ones(len(p)), weight, wd, wt, *squares, unseen]))
+        sums = [np.ones(len(p)), weight, wd, wt, *squares, weight * interval]
+        self._put(key, np.column_stack(sums))
         vehicle = pc.replace_substring_regex(table["drive_id"], r"/[0-9]+$", "")
         vehicles, at = _hashes(vehicle)
         hashed = (vehicles >> np.uint64(64 - _BITS)).astype(np.int64)
@@ -305,24 +307,32 @@ def _interval(sums: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
 
     With r = Σ wt / Σ wd, the residuals wt - r wd have the variance Σ (wt - r wd)²; what is
     effective of the number of passages is (Σ wd)² / Σ (wd)².  What was not seen is guessed from
-    the roads before and behind.  These differ from a road as one passage differs from another,
-    however many passages there are.
+    the roads before and behind, as far as one drives between two fixes.  These differ from a
+    road as one passage differs from another, however many passages there are.
+
+    Passages tell how means over all of that differ, not those over the road alone.  Seconds a
+    metre of places more than EVEN apart have little in common.  So the variance of their mean
+    over a length is as 1 / (EVEN + length).  A road that is x times as slow as guessed is as
+    likely as one x times as fast, since no time is below zero.
 
     Args:
-        sums: (k, 8) of n, w, wd, wt, (wd)², wd wt, (wt)² and wd times the share not seen.
+        sums: (k, 8) of n, w, wd, wt, (wd)², wd wt, (wt)² and w times the interval of fixes.
     """
-    n, _, wd, wt, dd, dt, tt, unseen = sums.T
+    n, w, wd, wt, dd, dt, tt, w_interval = sums.T
     ratio = wt / wd
     squares = np.maximum(tt - 2.0 * ratio * dt + ratio**2 * dd, 0.0)
     effective = np.minimum(wd**2 / dd, n)
     freedom = np.maximum(effective - 1.0, 1.0)
-    variance = squares * (1.0 + 1.0 / freedom)
-    half = np.hypot(
-        _student(freedom) * np.sqrt(variance) / wd, _Z * unseen / wd * np.sqrt(variance / dd)
-    )
+    one = _student(freedom) * np.sqrt(squares * (1.0 + 1.0 / freedom) / dd)  # of a passage
+    mean = one * np.sqrt(dd) / wd
+    length, between = wd / w, w_interval / w / ratio
+    reach = length + between
+    guess = one * between / reach * np.sqrt((EVEN + reach) / (EVEN + length))
+    slower = np.hypot(mean, guess)
+    faster = np.hypot(mean, guess * ratio / (ratio + guess))
     with np.errstate(divide="ignore"):
-        high = np.where(ratio > half, 1.0 / np.maximum(ratio - half, 0.0), np.inf)
-    return 1.0 / (ratio + half), high
+        high = np.where(ratio > faster, 1.0 / np.maximum(ratio - faster, 0.0), np.inf)
+    return 1.0 / (ratio + slower), high
 
 
 def _student(freedom: NDArray[np.float64]) -> NDArray[np.float64]:
