@@ -61,10 +61,38 @@ def test_hours_are_those_of_the_zone_and_vehicles_are_told_by_their_names():
     assert berlin["hour"].to_pylist() == [1, 2, 3]
     (row,) = whichroad.speeds(one, hours=False).to_pylist()
     assert (row["passages"], row["vehicles"]) == (3, 2)
-    roads = whichroad.speeds(path([2, 3, 9], [50.0] * 3, [5.0] * 3), by="source_id", hours=False)
+    roads = whichroad.speeds(path([2, 9, 3], [50.0] * 3, [5.0] * 3), by="source_id", hours=False)
     assert dict(zip(*(roads[n].to_pylist() for n in ("source_id", "passages")), strict=True)) == {
         "way 1": 2, "way 4": 1,
     }  # fmt: skip
+
+
+def by_source(rows, seconds=10.0):
+    """A path by roads of (drive, road, forward, broken rule)."""
+    drive, road, forward, rule = zip(*rows, strict=True)
+    one = path(range(len(rows)), [100.0] * len(rows), [seconds] * len(rows), drive=drive)
+    told = {"source_id": road, "forward": forward, "broken_rule": rule}
+    for name, values in told.items():
+        one = one.drop_columns(name) if name in one.column_names else one
+        one = one.append_column(name, pa.array(values, PATH.field(name).type))
+    return one
+
+
+def test_a_run_of_a_trip_on_a_road_is_one_passage_however_many_edges_it_has():
+    rows = [("a", "way 1", True, None)] * 3 + [("a", "way 2", True, None)]
+    rows += [("a", "way 1", True, None)] * 2 + [("a", "way 1", False, "u_turn")]
+    rows += [("b", "way 1", False, None)] * 2 + [("b", "way 1", False, "gap")]
+    one = by_source(rows)
+    found = whichroad.speeds(one, by="source_id", hours=False)
+    keys = zip(found["source_id"].to_pylist(), found["forward"].to_pylist(), strict=True)
+    passages = dict(zip(keys, found["passages"].to_pylist(), strict=True))
+    assert passages == {("way 1", True): 2, ("way 1", False): 3, ("way 2", True): 1}
+    assert found["weight"].to_pylist() == pytest.approx(found["passages"].to_pylist())
+    edges = whichroad.speeds(one, hours=False)
+    assert edges["passages"].to_pylist() == [1] * len(rows)
+    for size in (1, 2, 5):  # a passage may lie in two parts
+        parts = [one.slice(k, size) for k in range(0, len(rows), size)]
+        assert whichroad.speeds(parts, by="source_id", hours=False).equals(found)
 
 
 def test_parts_say_what_the_whole_says(tmp_path, monkeypatch):

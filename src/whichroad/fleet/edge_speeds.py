@@ -29,6 +29,7 @@ _MERGE = 1 << 20  # rows of parts after which they are joined
 _LEAST = 3  # passages of which an interval is given
 _Z = 1.959964  # two-sided 95 % quantile of the normal distribution
 _MAP = "map"
+_RULES = "broken_rule"
 _COLUMNS = ("drive_id", "forward", "enter_time", "enter_m", "exit_m", "duration_s", "p")
 
 SPEEDS = pa.schema(
@@ -61,16 +62,18 @@ def speeds(
     Args:
         path: The folder of a fleet, a Parquet file or a folder of them, a table of a path, or an
             iterable of tables: only a part of them is in memory.
-        by: "edge_id", or "source_id" for the roads of the map's source.
+        by: "edge_id", or "source_id" for the roads of the map's source: with the path of
+            `RoadMap.by_source`, as that of `match` names only the road in the middle of an edge.
         hours: Whether hours are told apart.
         tz: The zone of the hours, such as "Europe/Berlin".
         drives: The table, file or folder of drives, which gives the interval of fixes; None:
             that of the fleet's folder, else passages count by their probability alone.
 
     Returns:
-        A row for each id, direction and hour that was passed, see `SPEEDS`.  A vehicle is what
-        stands before the last "/" of a drive's name, or the whole name.  Edges of a folder of
-        maps are told by the column `map` too.
+        A row for each id, direction and hour that was passed, see `SPEEDS`.  Rows of a drive that
+        follow each other on a road are one passage of it.  A vehicle is what stands before the
+        last "/" of a drive's name, or the whole name.  Edges of a folder of maps are told by the
+        column `map` too.
 
     Raises:
         ReadError: It is no path.
@@ -81,8 +84,8 @@ def speeds(
     intervals = _Intervals.of(drives if drives is not None else _beside(path))
     sums = _Sums(by)
     try:
-        for table in _tables(path, (by, *_COLUMNS)):
-            sums.add(table, intervals, tz if hours else None)
+        for rows, first in _passages(_tables(path, (by, *_COLUMNS)), by):
+            sums.add(rows, first, intervals, tz if hours else None)
     except pa.ArrowInvalid as error:
         reason = str(error).splitlines()[0]
         raise SettingError(f"tz is {tz!r}; such as Europe/Berlin was expected ({reason})") from None
@@ -129,7 +132,7 @@ def _tables(source: Any, columns: Iterable[str]) -> Iterator[pa.Table]:
 
 
 def _used(names: list[str], columns: Iterable[str]) -> list[str]:
-    """The columns that are read: those of a list, and that of maps where edges are told by it.
+    """The columns that are read: those of a list, that of maps for edges, that of gaps for roads.
 
     Raises:
         ReadError: One is missing.
@@ -140,18 +143,56 @@ def _used(names: list[str], columns: Iterable[str]) -> list[str]:
             f"path: no column {', '.join(missing)}; the path of match, match_many or fleet was "
             "expected, not its points"
         )
-    return [*columns, *({_MAP} & set(names) if "edge_id" in columns else ())]
+    more = {"edge_id": _MAP, "source_id": _RULES}
+    return [*columns, *(name for id_, name in more.items() if id_ in columns and name in names)]
 
 
-def _hashes(column: pa.ChunkedArray | pa.Array) -> tuple[NDArray[np.uint64], Ints]:
-    """Hashes of the texts of a column, and which of them each row has."""
+def _passages(tables: Iterable[pa.Table], by: str) -> Iterator[tuple[pa.Table, Ints]]:
+    """The rows of a path, and the first ones of the passages among them; no passage is cut.
+
+    A row is a passage of an edge, a run of rows of one drive one of a road.
+    """
+    held: pa.Table | None = None
+    for part in tables:
+        parts = [part] if held is None else [held, part]
+        rows = pa.concat_tables(parts, promote_options="permissive")
+        if by == "edge_id":
+            yield rows, np.arange(rows.num_rows)
+        elif rows.num_rows:
+            first = np.flatnonzero(_begins(rows))
+            yield rows.slice(0, first[-1]), first[:-1]
+            held = rows.slice(first[-1])
+    if held is not None:
+        yield held, np.zeros(1, np.int64)
+
+
+def _begins(rows: pa.Table) -> NDArray[np.bool_]:
+    """Whether each row begins a run of one drive on a road in one direction."""
+    begins = np.ones(rows.num_rows, bool)
+    gap = np.zeros(rows.num_rows, bool)
+    if _RULES in rows.column_names:
+        gap = pc.match_substring(rows[_RULES], "gap").fill_null(False).to_numpy()
+    codes = [_codes(rows[name])[1] for name in ("drive_id", "source_id")]
+    told = np.column_stack([*codes, rows["forward"].to_numpy()])
+    begins[1:] = gap[1:] | (told[1:] != told[:-1]).any(axis=1)
+    return begins
+
+
+def _codes(column: pa.ChunkedArray | pa.Array) -> tuple[list[Any], Ints]:
+    """The words of a column, and which of them each row has; -1: none."""
     encoded = column.dictionary_encode()
     encoded = encoded.combine_chunks() if isinstance(encoded, pa.ChunkedArray) else encoded
     if isinstance(encoded, pa.ChunkedArray):
         encoded = pa.concat_arrays(encoded.chunks)
-    words = (str(word).encode() for word in encoded.dictionary.to_pylist())
-    hashes = [int.from_bytes(blake2b(word, digest_size=8).digest(), "little") for word in words]
-    return np.array(hashes, np.uint64), encoded.indices.to_numpy().astype(np.int64)
+    codes = encoded.indices.fill_null(-1).to_numpy().astype(np.int64)
+    return encoded.dictionary.to_pylist(), codes
+
+
+def _hashes(column: pa.ChunkedArray | pa.Array) -> tuple[NDArray[np.uint64], Ints]:
+    """Hashes of the texts of a column, and which of them each row has."""
+    words, at = _codes(column)
+    digests = (blake2b(str(word).encode(), digest_size=8).digest() for word in words)
+    return np.array([int.from_bytes(one, "little") for one in digests], np.uint64), at
 
 
 class _Intervals(NamedTuple):
@@ -198,14 +239,19 @@ class _Sums:
         self._pairs: list[Ints] = []  # key and hash of a vehicle
         self._rows = 0
 
-    def add(self, table: pa.Table, intervals: _Intervals, tz: str | None) -> None:
-        """Count the passages of a part of a path."""
-        length = table["exit_m"].to_numpy() - table["enter_m"].to_numpy()
-        time, p = table["duration_s"].to_numpy(), table["p"].to_numpy()
+    def add(self, rows: pa.Table, first: Ints, intervals: _Intervals, tz: str | None) -> None:
+        """Count the passages of a part of a path, given their first rows."""
+        if not len(first):
+            return
+        length = rows["exit_m"].to_numpy() - rows["enter_m"].to_numpy()
+        p = np.add.reduceat(rows["p"].to_numpy() * length, first)
+        length = np.add.reduceat(length, first)
+        time = np.add.reduceat(rows["duration_s"].to_numpy(), first)
         good = (length > 1.0) & (time > 0.0) & (p > 0.0)
         if not good.any():
             return
-        table, length, time, p = table.filter(pa.array(good)), length[good], time[good], p[good]
+        length, time, p = length[good], time[good], p[good] / length[good]
+        table = rows.take(pa.array(first[good]))
         hour = np.zeros(len(length), np.int64)
         if tz is not None:
             entered = table["enter_time"].cast(pa.timestamp("us", tz=tz))
@@ -232,18 +278,15 @@ class _Sums:
         if self.by == "edge_id":
             edges = np.asarray(table["edge_id"].to_numpy(), np.int64)
             return self._of_map(edges, table[_MAP]) if _MAP in table.column_names else edges
-        encoded = table["source_id"].fill_null("").combine_chunks().dictionary_encode()
-        words = encoded.dictionary.to_pylist()
+        words, at = _codes(table["source_id"].fill_null(""))
         codes = np.array([self._words.setdefault(w, len(self._words)) for w in words], np.int64)
-        return np.asarray(codes[encoded.indices.to_numpy()], np.int64)
+        return np.asarray(codes[at], np.int64)
 
     def _of_map(self, edges: Ints, maps: pa.ChunkedArray) -> Ints:
         """A number for each edge of one of several maps."""
         self._of_maps = True
-        encoded = maps.combine_chunks().dictionary_encode()
-        both = np.stack([encoded.indices.to_numpy().astype(np.int64), edges])
-        one, at = np.unique(both, axis=1, return_inverse=True)
-        names = encoded.dictionary.to_pylist()
+        names, which = _codes(maps)
+        one, at = np.unique(np.stack([which, edges]), axis=1, return_inverse=True)
         pairs = [(names[name], edge) for name, edge in one.T.tolist()]
         codes = [self._words.setdefault(pair, len(self._words)) for pair in pairs]
         return np.array(codes, np.int64)[at.reshape(-1)]
