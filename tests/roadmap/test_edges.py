@@ -339,6 +339,18 @@ def test_nodes_may_be_words(line):
     assert roads.source(0, 50.0) == (0, True)  # without ids a row is its number
 
 
+def test_the_table_of_edges_has_ids_of_nodes_and_the_numbers_that_a_path_has(town):
+    roads = RoadMap.from_edges(town)
+    table, edges = roads.edges_table(), roads.arrays.edges
+    assert table.from_number.tolist() == edges.from_node.tolist()
+    assert table.to_number.tolist() == edges.to_node.tolist()
+    assert roads.node_ids(table.from_number) == table.from_node.tolist()
+    assert roads.node_ids([]) == []
+    for wrong in (table.from_node + 10**9, [-1], [1.0], ["A"]):
+        with pytest.raises(MapError, match="has the source's ids already"):
+            roads.node_ids(wrong)
+
+
 def test_what_cannot_be_used_is_counted_by_reason(line):
     good = line((0, 0), (100, 0))
     with np.errstate(invalid="ignore"):

@@ -1,9 +1,9 @@
 """Tables of a map: its edges, and a path on it by the roads of the source."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import MapError, comes_with
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
@@ -11,7 +11,7 @@ from ..observations import Array
 from ..ragged import row_and_place
 from .shelf import release
 from .source_places import SourcePlace, on_source
-from .streets import Ints
+from .streets import Ints, Texts
 
 if TYPE_CHECKING:
     import geopandas
@@ -79,6 +79,8 @@ def edges_table(roads: "RoadMap") -> "geopandas.GeoDataFrame":
         "forward": forward,
         "from_node": roads.node_ids(edges.from_node),
         "to_node": roads.node_ids(edges.to_node),
+        "from_number": edges.from_node.astype(np.int64),
+        "to_number": edges.to_node.astype(np.int64),
         "opposite": edges.opposite,
         "length_m": edges.length,
         "speed_mps": edges.speed,
@@ -87,6 +89,22 @@ def edges_table(roads: "RoadMap") -> "geopandas.GeoDataFrame":
         **{name: roads.column(name) for name in roads.ways if name not in IDS},
     }
     return geopandas.GeoDataFrame(data, geometry=lines, crs="EPSG:4326")
+
+
+def node_ids(roads: "RoadMap", node: ArrayLike) -> list[int | str]:
+    """See `RoadMap.node_ids`."""
+    number, count = np.asarray(node), len(roads.node_id)
+    known = number.dtype.kind in "iu" and bool(np.all((number >= 0) & (number < count)))
+    if number.size and not known:
+        few = ", ".join(map(str, number.ravel()[:3]))
+        raise MapError(
+            f"node_ids: numbers of junctions such as {few}; 0 to {count - 1} were expected, as the "
+            "from_node of a path has them; that of edges_table has the source's ids already"
+        )
+    number = number.astype(np.int64)
+    if isinstance(roads.node_id, Texts):
+        return list(roads.node_id.words(number))
+    return cast(list[int | str], roads.node_id[number].tolist())
 
 
 def by_source(roads: "RoadMap", path: Any) -> Any:

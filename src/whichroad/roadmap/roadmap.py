@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import MapError
 from ..geodesy.plane import Plane
 from ..graph.network import Roads
-from . import store, topology
+from . import edge_tables, store, topology
 from .arrays import from_arrays, to_arrays
 from .attribute_names import HIDDEN, LEVEL, known_name, levels_of, refusal
 from .compile import Network, compile_streets
@@ -237,10 +237,12 @@ class RoadMap(EdgeGeometry):
         return on_source(self, piece, np.broadcast_to(np.asarray(s, np.float64), piece.shape))
 
     def node_ids(self, node: ArrayLike) -> list[int | str]:
-        """The source's ids of (n,) junctions, numbers of `from_node` and `to_node`."""
-        if isinstance(self.node_id, Texts):
-            return list(self.node_id.words(np.asarray(node)))
-        return cast(list[int | str], self.node_id[np.asarray(node)].tolist())
+        """The source's ids of (n,) junctions, which a path's `from_node` and `to_node` number.
+
+        Raises:
+            MapError: They are no such numbers.
+        """
+        return edge_tables.node_ids(self, node)
 
     def edge_id(self, edge: int) -> int:
         """The id of an edge in tables: its number, the same for every build of the same input."""
@@ -319,15 +321,15 @@ class RoadMap(EdgeGeometry):
 
     def info(self) -> dict[str, Any]:
         """What the map holds, where it came from, and what was skipped and why."""
-        from .edge_tables import info
-
-        return {**self._about, **info(self)}
+        return {**self._about, **edge_tables.info(self)}
 
     def edges_table(self) -> "geopandas.GeoDataFrame":
-        """Every directed edge with its attributes, as a GeoDataFrame in EPSG:4326."""
-        from .edge_tables import edges_table
+        """Every directed edge with its attributes, as a GeoDataFrame in EPSG:4326.
 
-        return edges_table(self)
+        A path joins it by `edge_id`.  Its `from_node` and `to_node` are ids of the source; what a
+        path has under these names is `from_number` and `to_number` here.
+        """
+        return edge_tables.edges_table(self)
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
         """Draw the streets with matplotlib.
@@ -392,6 +394,4 @@ class RoadMap(EdgeGeometry):
         Raises:
             MapError: It is no path, or of another map.
         """
-        from .edge_tables import by_source
-
-        return by_source(self, path)
+        return edge_tables.by_source(self, path)
