@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whichroad import match_many
+from whichroad import match_many, speeds
 from whichroad.errors import ReadError, SettingError
 from whichroad.observations import (
     ASSUMED,
@@ -577,6 +577,18 @@ def test_a_cut_parquet_is_refused(put):
 def test_what_is_no_table_in_memory_is_refused(thing):
     with pytest.raises(ReadError, match="table"):
         drive_from_table(thing)
+
+
+class LazyFrame:
+    """One of polars, as its class is called; it has names of columns and no rows."""
+
+    columns = ("time", "lat", "lon")
+
+
+def test_a_frame_without_rows_yet_is_refused_with_what_makes_it_a_table():
+    for read in (drive_from_table, speeds):
+        with pytest.raises(ReadError, match=r"^table: a LazyFrame .*; give its \.collect\(\)$"):
+            read(LazyFrame())
 
 
 CELLS = st.one_of(

@@ -20,6 +20,7 @@ import pyarrow.dataset as ds
 from numpy.typing import NDArray
 
 from ..errors import ReadError, SettingError
+from ..readers.tables_in_memory import refuse_without_rows
 
 REACH = 10.0  # m/s: what is guessed about both ends of a passage, over the interval of fixes
 EVEN = 10.0  # m over which seconds a metre are alike: stops.  Real tracks at 1 Hz: 10 to 20
@@ -125,6 +126,7 @@ def _tables(source: Any, columns: Iterable[str]) -> Iterator[pa.Table]:
     if hasattr(source, "columns") or hasattr(source, "schema"):
         source = [source]
     for one in source:
+        refuse_without_rows(one)
         if hasattr(one, "geometry") and hasattr(one, "to_crs"):
             one = one.drop(columns=one.geometry.name)
         table = one if isinstance(one, pa.Table) else pa.table(one)

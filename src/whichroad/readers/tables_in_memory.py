@@ -30,6 +30,7 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
     """
     import pyarrow as pa
 
+    refuse_without_rows(table)
     own = reading.columns if reading is not None else {}
     given = table
     try:
@@ -52,6 +53,18 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
             f"table: {type(given).__name__} cannot be read as a table ({first_line(error)}); "
             f"{_NO_TABLE}"
         ) from None
+
+
+def refuse_without_rows(table: Any) -> None:
+    """Refuse the LazyFrame of polars.
+
+    Raises:
+        ReadError: It is one.
+    """
+    if type(table).__name__ == "LazyFrame":
+        raise ReadError(
+            "table: a LazyFrame has no rows yet; a table was expected; give its .collect()"
+        )
 
 
 def is_gpx(thing: Any) -> bool:
