@@ -106,3 +106,14 @@ def test_the_command_takes_own_names_and_a_zone_and_goes_on_with_these_alone(tmp
         code, text = ran(out, *more)
         assert code != 0
         assert what in text
+
+
+def test_the_command_finds_the_column_of_trips_by_its_usual_names(tmp_path, town, table):
+    few = table.slice(0, 400)
+    for name in ("trip_id", "Journey ID"):
+        pq.write_table(few.rename_columns([name, *few.column_names[1:]]), tmp_path / "t.parquet")
+        line = ["fleet", str(tmp_path / "t.parquet"), "--map", str(town), "--workers", "1"]
+        done = CliRunner().invoke(app, [*line, "-o", str(tmp_path / name)])
+        assert done.exit_code == 0, done.output
+        rows = rows_of(tmp_path / name, "drives")
+        assert set(rows["drive_id"].to_pylist()) == set(few["trip_id"].to_pylist())

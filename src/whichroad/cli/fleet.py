@@ -45,7 +45,12 @@ def fleet(
     out: Annotated[Path, typer.Option("-o", "--out", help="Folder for the tables.")],
     trip_id: Annotated[
         str,
-        typer.Option("--trip-id", metavar="COLUMN", help="Column that names the trip of each row."),
+        typer.Option(
+            "--trip-id",
+            metavar="COLUMN",
+            help="Column that names the trip of each row. By default also trip_id and the other "
+            "usual names are found.",
+        ),
     ] = "drive_id",
     split: Annotated[
         str | None,

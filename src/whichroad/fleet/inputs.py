@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from ..errors import ReadError
 from ..readers.checks import listed
-from ..readers.names import NoSuchColumn, find
+from ..readers.names import NAMES, NoSuchColumn, find
 
 _KINDS = {
     ".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
@@ -118,8 +118,9 @@ def used_columns(
     trip = trip_id if trip_id in names else usual.name if usual and trip_id == "drive_id" else None
     if trip is None:
         raise ReadError(
-            f"{where}: no column {trip_id!r} among {listed(names)}; one that names the trip "
-            "of each row was expected; name it by --trip-id"
+            f"{where}: no column {trip_id!r} among {listed(names)}; one that names the trip of "
+            f"each row was expected, for example {', '.join(NAMES['drive_id'])}; name it by "
+            "--trip-id"
         )
     if "time" not in found:
         raise ReadError(f"{where}: no time among the columns {listed(names)}; one was expected")
