@@ -143,6 +143,30 @@ def test_a_drive_within_the_hour_that_comes_twice_is_taken_as_of_the_first_and_i
     assert "the first was taken" in drive.notes[0]
 
 
+@pytest.mark.parametrize("form", [None, "%Y-%m-%dT%H:%M:%S", "%d.%m.%Y %H:%M:%S"])
+def test_times_that_no_clock_shows_in_spring_are_counted_and_said(form):
+    """A logger goes on by winter time; its rows of 1 to 2 h UTC are read as it shows them."""
+    moments = pd.date_range("2026-03-29T00:55:00", periods=780, freq="s")
+    frame = town(n=780)[["lat", "lon"]].assign(time=moments + pd.Timedelta("1h"))
+    if form is not None:
+        frame["time"] = frame["time"].dt.strftime(form)
+    (drive,) = drive_from_table(frame, tz="Europe/Berlin")
+    assert drive.fixes.time == pytest.approx(moments.as_unit("ns").asi8 / 1e9)
+    assert "480 rows with local times that no clock shows" in drive.notes[0]
+    assert len(drive.notes) == 1
+
+
+def test_times_behind_the_hour_that_is_skipped_are_sound():
+    moments, frame = in_berlin("2026-03-29T00:55:00")
+    (drive,) = drive_from_table(frame, tz="Europe/Berlin")
+    assert drive.fixes.time == pytest.approx(moments)
+    assert not drive.notes
+    frame["time"] = [f"2026-03-29T01:{k // 60:02}:{k % 60:02}Z" for k in range(780)]
+    frame.loc[0, "time"] = "2026-03-29T02:00:00"
+    (drive,) = drive_from_table(frame, tz="Europe/Berlin")
+    assert drive.notes[0].startswith("1 row with local times that no clock shows")
+
+
 def test_drives_of_one_table_go_through_the_change_on_their_own():
     moments, frame = in_berlin("2026-10-25T00:55:00")
     table = pd.concat([frame.assign(drive_id=name) for name in "ab"]).sort_index(kind="stable")
@@ -157,9 +181,11 @@ def test_a_vehicle_is_cut_into_trips_in_the_order_of_true_times():
     assert ordered["time"].to_pylist() == table["time"].to_pylist()
 
 
-def test_trips_within_the_hour_that_comes_twice_are_not_read_together():
+def test_trips_within_an_hour_that_comes_twice_or_hides_another_are_not_read_together():
     table = pa.Table.from_pandas(in_berlin("2026-10-25T01:10:00")[1])
     zone = ZoneInfo("Europe/Berlin")
     assert not batched_fixes(table, np.array([0]), Settings(), zone=zone).regular[0]
+    spring = pa.Table.from_pandas(in_berlin("2026-03-29T01:10:00")[1])
+    assert not batched_fixes(spring, np.array([0]), Settings(), zone=zone).regular[0]
     later = pa.Table.from_pandas(in_berlin("2026-10-25T02:10:00")[1])
     assert batched_fixes(later, np.array([0]), Settings(), zone=zone).regular[0]

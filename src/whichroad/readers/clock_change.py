@@ -1,15 +1,17 @@
-"""The hour that local clocks show twice in autumn: which of the two a row is of.
+"""Hours in which local clocks change: one that they show twice in autumn, one never in spring.
 
-Reading takes the first.  The order of rows tells more: where their times jump back by that hour,
-the second begins.  Where they go on without a pause at one of its ends, all are of that side.
+Of an hour that comes twice reading takes the first.  The order of rows tells more: where their
+times jump back by that hour, the second begins.  Where they go on without a pause at one of its
+ends, all are of that side.  A time that is never shown is read by clocks not yet put forward.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
 
 import numpy as np
 
 from ..observations import Array
+from ..wording import counted
 from .checks import Bools, Ints, as_time_passes
 from .dates import LATEST
 from .drive_columns import Columns
@@ -17,87 +19,121 @@ from .table_drives import Trip
 
 _PAUSE = 600.0  # s, longest between rows that go on without one
 _QUARTER = 900.0  # s; clocks change at whole ones
-_WAIT = 86_400.0  # s behind a time, beyond any hour that comes twice
+_WAIT = 86_400.0  # s before and behind a time, beyond any hour that comes twice or never
 _SEASON = 60 * 86_400.0  # s, within which clocks do not change twice
 
 
-def put_apart(columns: Columns, trips: Sequence[Trip], zone: tzinfo | None) -> dict[str, str]:
-    """Move rows of the second hour to it.
+def put_apart(
+    columns: Columns, trips: Sequence[Trip], zone: tzinfo | None, shown: Callable[[], Array]
+) -> dict[str, str]:
+    """Move rows of the second hour to it, and count those of an hour that is never shown.
 
     Args:
         columns: Of all drives; `time`, taken as of the first hour, is changed in place.
         trips: The rows of each drive, in the order of the file.
         zone: Of the times; None: UTC.
+        shown: Gives the (n,) times on the clocks, s; of rows that name their zone anything else.
 
     Returns:
         What is to be said of drives, by their names.
     """
     time = columns["time"]
-    back = clock_back(time, zone)
-    if back is None:
+    change = clock_changes(time, zone)
+    if zone is None or change is None:
         return {}
-    told = {name: put_rows_apart(time, rows, back) for name, rows in trips}
+    never = _never_shown(time, change, zone, shown) if (change < 0.0).any() else change > np.inf
+    told = {
+        name: put_rows_apart(time, rows, change) or _said_of(int(np.count_nonzero(never[rows])))
+        for name, rows in trips
+    }
     return {name: said for name, said in told.items() if said}
 
 
-def put_rows_apart(time: Array, rows: Ints, back: Array) -> str | None:
-    """As `put_apart`, of one drive.
+def put_rows_apart(time: Array, rows: Ints, change: Array) -> str | None:
+    """As `put_apart`, of one drive, and of hours that come twice alone.
 
     Args:
         time: (n,) s, changed in place.
         rows: Of the drive, in the order of the file.
-        back: (n,) as of `clock_back`.
+        change: (n,) as of `clock_changes`.
     """
     known = as_time_passes(time, rows[np.isfinite(time[rows])])
-    second, said = _second_hour(time[known], back[known])
-    time[known[second]] += back[known[second]]
+    second, said = _second_hour(time[known], change[known])
+    time[known[second]] += change[known[second]]
     return said
 
 
-def clock_back(time: Array, zone: tzinfo | None) -> Array | None:
-    """By how much the clocks go back after times that they show once more.
+def clock_changes(time: Array, zone: tzinfo | None) -> Array | None:
+    """By how much the clocks change about times whose row may mean two of them.
 
     Args:
-        time: (n,) s since 1970 UTC, the first where a local time comes twice; NaN: none.
+        time: (n,) s since 1970 UTC, the first where a local time comes twice, and by clocks not
+            yet put forward where it never comes; NaN: none.
         zone: Of the clocks; None: UTC.
 
     Returns:
-        (n,) s, 0 for times that come once; None: all do.
+        (n,) s.  Above 0: the clocks go back by that to show the time again.  Below 0: they were
+        put forward by that, and a time that they skipped is read as this one too.  None: all 0.
     """
-    known = np.flatnonzero((time >= 0.0) & (time < LATEST - _WAIT))
+    known = np.flatnonzero((time >= _WAIT) & (time < LATEST - _WAIT))
     if zone is None or isinstance(zone, timezone) or not len(known):
         return None
     low, high = float(time[known].min()), float(time[known].max())
-    if high - low < _SEASON and _offset(low, zone) == _offset(high + _WAIT, zone):
+    if high - low < _SEASON and _offset(low - _WAIT, zone) == _offset(high + _WAIT, zone):
         return None
     quarters, which = np.unique(np.floor(time[known] / _QUARTER), return_inverse=True)
-    shown = [datetime.fromtimestamp(_QUARTER * quarter, zone) for quarter in quarters.tolist()]
-    sizes = np.array([_shown_again(moment) for moment in shown])
+    sizes = np.array([_change(_QUARTER * quarter, zone) for quarter in quarters.tolist()])
     result = np.zeros(len(time))
     result[known] = sizes[which]
     return result if sizes.any() else None
 
 
-def _offset(seconds: float, zone: tzinfo) -> timedelta | None:
-    return datetime.fromtimestamp(seconds, UTC).astimezone(zone).utcoffset()
+def _offset(seconds: float, zone: tzinfo) -> float:
+    """Of local clocks from UTC, s."""
+    told = datetime.fromtimestamp(seconds, UTC).astimezone(zone).utcoffset()
+    return (told or timedelta()).total_seconds()
 
 
-def _shown_again(moment: datetime) -> float:
-    """By how much the clock goes back to show a time again, s; 0: it does not."""
-    first, second = moment.utcoffset(), moment.replace(fold=1).utcoffset()
-    if moment.fold or first is None or second is None:
-        return 0.0
-    return max((first - second).total_seconds(), 0.0)
+def _change(seconds: float, zone: tzinfo) -> float:
+    """As `clock_changes`, of one time."""
+    now, before = _offset(seconds, zone), _offset(seconds - _WAIT, zone)
+    again = datetime.fromtimestamp(seconds, zone)
+    later = (again.replace(fold=1).utcoffset() or timedelta()).total_seconds()
+    if not again.fold and later < now:
+        return now - later
+    skipped = datetime.fromtimestamp(seconds + before, UTC).replace(tzinfo=zone)
+    read = (skipped.utcoffset() or timedelta()).total_seconds()
+    return before - now if read == before < now else 0.0
 
 
-def _second_hour(time: Array, back: Array) -> tuple[Bools, str | None]:
+def _never_shown(time: Array, change: Array, zone: tzinfo, shown: Callable[[], Array]) -> Bools:
+    """Which rows have a local time that the clocks skip."""
+    never = np.zeros(len(time), np.bool_)
+    at = np.flatnonzero(change < 0.0)
+    real = np.array([_offset(seconds, zone) for seconds in time[at].tolist()])
+    never[at] = np.abs(shown()[at] - time[at] - real - change[at]) < 1.0
+    return never
+
+
+def _said_of(never: int) -> str | None:
+    """What is to be said of rows with times that are never shown."""
+    if not never:
+        return None
+    return (
+        f"{counted(never, 'row')} with local times that no clock shows, as clocks go forward, read "
+        "by clocks not yet put forward; check the zone, or write times with their offset, such as "
+        "+02:00"
+    )
+
+
+def _second_hour(time: Array, change: Array) -> tuple[Bools, str | None]:
     """Which rows are of the second of two equal hours, and what is to be said.
 
     Args:
         time: (n,) s since 1970 UTC as of the first hour, in the order of the file.
-        back: (n,) as of `clock_back`.
+        change: (n,) as of `clock_changes`.
     """
-    twice, size = back > 0.0, float(back.max(initial=0.0))
+    twice, size = change > 0.0, float(change.max(initial=0.0))
     none = np.zeros(len(time), np.bool_)
     if not twice.any():
         return none, None

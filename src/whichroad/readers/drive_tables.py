@@ -8,6 +8,8 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from datetime import timedelta, timezone
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -21,7 +23,7 @@ from .checks import LAST, NO_TIME, Skipped, keep
 from .clock_change import put_apart
 from .coarse_times import spread
 from .csv_text import no_column
-from .dates import taken_as_utc
+from .dates import Writing, taken_as_utc
 from .drive_columns import MOTION, WHEELS, Columns, drive_of
 from .gears import reversing
 from .geometries import places_of, unproject
@@ -39,6 +41,7 @@ from .without_times import invented_times
 
 _NO_VALUES = ("time", "date", "gear", "drive_id", "vehicle_id", "row_id", "geometry",
               "north_south", "east_west")  # fmt: skip
+_FAR = timedelta(hours=23)  # offset that no zone has: it tells rows that name theirs
 _IN_1E7 = "where they are in 1e-7 degrees, give them by --columns lat_e7=...,lon_e7=... (columns=)"
 _NO_TIMES = frozenset(
     (
@@ -209,7 +212,8 @@ def _placed(
         with np.errstate(over="ignore", invalid="ignore"):  # cells may hold anything
             columns["time"] = in_seconds(read, columns, trips, zone, notes)
             local = zone if read.zoneless or read.counted else None
-            said = [put_apart(columns, trips, local), spread(columns, trips)]
+            shown = partial(_on_clocks, seen, columns, trips, reading.written, where)
+            said = [put_apart(columns, trips, local, shown), spread(columns, trips)]
             check_motion(columns, trips, notes, where)
     else:
         columns["time"], said = _invented(seen, columns, trips, notes, where), []
@@ -275,6 +279,20 @@ def _times(
     elif written.zone is not None and not read.counted:
         notes.append(f"tz {reading.tz} not used: times in column {column.name!r} name their zone")
     return read
+
+
+def _on_clocks(
+    seen: Seen, columns: Columns, trips: list[Trip], written: Writing, where: str
+) -> Array:
+    """The times on the clocks of the zone, s, and others for rows that name theirs."""
+    column, day = seen.found["time"], seen.found.get("date")
+    zone = timezone(_FAR)
+    read = times(
+        seen.table.column(column.place), column, where, Counter(),
+        written=written._replace(zone=zone),
+        date=None if day is None else seen.table.column(day.place),
+    )  # fmt: skip
+    return in_seconds(read, columns, trips, zone, []) + _FAR.total_seconds()
 
 
 def _invented(

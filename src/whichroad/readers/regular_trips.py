@@ -16,7 +16,7 @@ from ..observations import ROUNDED, Array, Fixes
 from ..settings import Settings
 from .arrow_columns import numbers, times
 from .checks import LAST, Bools, Ints, Skipped
-from .clock_change import clock_back
+from .clock_change import clock_changes
 from .dates import Writing, tick_of
 from .drive_columns import Columns, reported
 from .fix_quality import NO_FIX
@@ -85,9 +85,9 @@ def batched_fixes(
             values = numbers(table.column(column.place), column.name, skipped)
             columns[quantity] = values * column.factor
     good = (np.abs(time) < LAST) & is_place(columns["lat"], columns["lon"])
-    back = clock_back(time, zone)
-    if back is not None:  # the order of rows tells which of two equal hours is meant
-        good &= back == 0.0
+    change = clock_changes(time, zone)
+    if change is not None:  # the reader of each trip tells which of two hours is meant
+        good &= change == 0.0
     if "hdop" in columns:
         good &= ~says_no_hdop(columns["hdop"])
     if "quality" in columns:

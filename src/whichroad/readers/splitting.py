@@ -18,7 +18,7 @@ from ..geodesy.angles import wrap_degrees
 from ..observations import Array
 from .arrow_columns import numbers, times
 from .checks import Ints
-from .clock_change import clock_back, put_rows_apart
+from .clock_change import clock_changes, put_rows_apart
 from .dates import UNSAID, Writing
 from .names import Column, find
 from .reported_fixes import is_place
@@ -108,9 +108,9 @@ def in_time_order(
         column = table.column(meaning.place)
         read = times(column, meaning, "table", Counter(), written=written)
         time = read.seconds
-        back = clock_back(time, written.zone) if read.zoneless else None
-        if back is not None:
-            put_rows_apart(time, np.arange(len(time)), back)
+        change = clock_changes(time, written.zone) if read.zoneless else None
+        if change is not None:
+            put_rows_apart(time, np.arange(len(time)), change)
     except Exception:  # the reader of the trip will say what its times are
         return table, unknown
     time = np.where(np.isfinite(time), time, np.inf)
