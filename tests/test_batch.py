@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import whichroad
+from whichroad import workspace
 from whichroad.batch import Tables, filtering, match_many, match_stream, trips
 from whichroad.batch.filtering import filter_batch
 from whichroad.errors import ReadError
@@ -60,10 +61,12 @@ def same(a: Tables, b: Tables) -> bool:
     return all(x.equals(y) for x, y in zip(a, b, strict=True))
 
 
-def test_each_trip_is_answered_as_if_it_were_alone(roads, fleet):
-    many = match_many(fleet, roads)
+@pytest.mark.parametrize("lag", [None, "full", 5.0, "100m", 0])
+def test_each_trip_is_answered_as_if_it_were_alone(roads, fleet, lag):
+    many = match_many(fleet, roads, lag=lag)
     for i in (0, 3):
-        one = whichroad.match(fleet.filter(pa.compute.equal(fleet["drive_id"], f"car {i}")), roads)
+        mine = fleet.filter(pa.compute.equal(fleet["drive_id"], f"car {i}"))
+        one = whichroad.match(mine, roads, lag=lag)
         mine = pa.compute.equal(many.points["drive_id"], f"car {i}")
         assert many.points.filter(mine).equals(one.to_arrow())
         mine = pa.compute.equal(many.path["drive_id"], f"car {i}")
@@ -244,6 +247,14 @@ def test_trips_that_need_more_room_are_matched_alone(roads, fleet, monkeypatch, 
     monkeypatch.setattr(filtering, "_EDGES", 0)
     monkeypatch.setattr(filtering, "_MORE_EDGES", room)  # a trip drives some four edges
     assert same(whole, match_many(fleet, roads))
+
+
+@pytest.mark.parametrize("steps", [9, 32, 33])
+def test_trips_that_need_more_room_are_smoothed_alone(roads, fleet, monkeypatch, steps):
+    mixed = pa.concat_tables([fleet, trip("last", 1, 1.6e9 + 900.0).slice(0, 9)])
+    whole = match_many(mixed, roads, lag="full", threads=1)
+    monkeypatch.setattr(workspace, "_STEPS", steps)  # a trip has 32
+    assert same(whole, match_many(mixed, roads, lag="full", threads=1))
 
 
 def test_tables_that_cannot_be_made_are_one_trips_alone(roads, fleet, monkeypatch):

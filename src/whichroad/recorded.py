@@ -36,7 +36,7 @@ from .filter.vetting.latency import assume_delay
 from .geodesy.angles import heading_of, radians
 from .global_start import is_vague, search, start_at, start_of_coarse_fix
 from .graph.network import copied
-from .lookback.path import Chain, best_chain, heaviest_chain, tidied
+from .lookback.path import BestChains, Chain, heaviest_chain, tidied
 from .lookback.smoothing import Lag, Past, entries_in_use, smooth
 from .observations import StartPose
 from .roadmap import RoadMap
@@ -152,13 +152,16 @@ def localize_recorded(
         workspace.give_back()
         return Recorded(output, heaviest, diagnose, None, evidence, counts, track, off, withheld)
     past = Past(roads, history, path, epochs, output, lag)
-    whole = timeline.mode == CLOCK and timeline.interval > _WHOLE
     smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
-    # between fixes far apart the heaviest path is chosen as a whole, which single epochs do not see
-    chain = heaviest if whole else best_chain(history, path, roads.arrays)
+    best = heaviest if is_sparse(timeline) else BestChains(history, path, roads.arrays).found()
     past = past._replace(history=without_states(history), path=entries_of(path))
     workspace.give_back()
-    return Recorded(smoothed, chain, diagnose, past, evidence, counts, track, off, withheld)
+    return Recorded(smoothed, best, diagnose, past, evidence, counts, track, off, withheld)
+
+
+def is_sparse(timeline: Timeline) -> bool:
+    """Whether the heaviest path is chosen, as a whole: single epochs do not see between fixes."""
+    return timeline.mode == CLOCK and timeline.interval > _WHOLE
 
 
 def localize_by_paper(

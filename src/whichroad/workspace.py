@@ -4,7 +4,11 @@ Allocating them takes as long as filtering some thirty fixes.
 """
 
 import threading
+from collections.abc import Callable
 
+import numpy as np
+
+from ._compile import Records
 from .filter.evidence.evidence_kinds import NO_EVIDENCE, Evidence
 from .filter.lookback.history import History, enlarged, new_history
 from .filter.lookback.smoother import SmootherBuffers, new_buffers
@@ -66,10 +70,30 @@ class Workspace:
         """An empty history, and buffers to smooth it."""
         if self._smoother is None:
             self._history, self._smoother = new_history(_STEPS), new_buffers()
-        history = self._history
-        for table in (self._smoother.belief.state, history.count, history.since, history.reference):
+        for table in self._of_a_drive():
             clear(table)
         return self._history, self._smoother
+
+    def _of_a_drive(self) -> tuple[Records, ...]:
+        """What smoothing begins anew with each drive."""
+        history = self._history
+        state = () if self._smoother is None else (self._smoother.belief.state,)
+        return (*state, history.count, history.since, history.reference)
+
+    def begin_anew(self) -> Callable[[], None]:
+        """What empties the buffers of a drive with lineage for the next one, without new views."""
+        state, empty = (bytes_of(b.state) for b in (self._beliefs[True], self._empty))
+        cleared = [np.asarray(bytes_of(table)) for table in self._of_a_drive()]
+        cleared.append(self._work.row)
+        size = self._path.size
+
+        def empty_all() -> None:
+            state[:] = empty
+            size[0] = 0
+            for table in cleared:
+                table.fill(0)
+
+        return empty_all
 
     def enlarged(self, history: History) -> History:
         """The same history with more capacity, kept for the drives to come unless it is huge."""

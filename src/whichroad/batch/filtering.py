@@ -1,4 +1,4 @@
-"""Drives of fixes alone, filtered one after the other in one call: its cost is paid once."""
+"""Drives of fixes alone, filtered one after the other in the same buffers: a call is paid once."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -7,13 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._compile import Records
+from ..diagnosis.sensors import sensor_findings
+from ..epochs import Timeline
 from ..filter.lookback.history import new_history
 from ..filter.lookback.passage import TRAVERSAL
+from ..filter.lookback.smoother import smooth_span
 from ..filter.many import Drives, localize_each, time_each
 from ..filter.state import CLOCK
+from ..filter.step import run
 from ..filter.summary.estimate import Output, new_output
 from ..graph.network import records
-from ..lookback.traversals import Traversals, trimmed
+from ..lookback.path import BestChains, Chain, heaviest_chain
+from ..lookback.smoothing import Lag, spans_of
+from ..lookback.traversals import Traversals, trimmed, untimed
+from ..recorded import is_sparse
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 from ..workspace import Workspace
@@ -78,8 +85,9 @@ def _bounds(parts: Sequence[list[int]]) -> list[int]:
 
 
 def filter_batch(
-    roads: RoadMap, epochs: Records, first: list[int], vehicle: Vehicle, settings: Settings
-) -> Batch | None:
+    roads: RoadMap, epochs: Records, first: list[int], vehicle: Vehicle, settings: Settings,
+    lag: Lag | None,
+) -> tuple[Batch, list[tuple[str, ...]]] | None:  # fmt: skip
     """Filter drives from their first fixes, as `localize_recorded` does each.
 
     Args:
@@ -88,12 +96,36 @@ def filter_batch(
         first: (d + 1,) the epoch at which each begins, and n.
         vehicle: Of all.
         settings: The model's numbers.
+        lag: By how much later knowledge epochs are answered; None: by what was known then.
 
     Returns:
-        The first of the drives, up to one that the workspace is too small for; None: that
-        is the first of them.
+        The first of the drives, up to one that the workspace is too small for, and with a lag
+        what is said of the sensors of each; None: that is the first of them.
     """
     workspace = Workspace.taken()
+    if lag is None:
+        output, drives = _filtered(workspace, roads, epochs, first, vehicle, settings)
+        notes: list[tuple[str, ...]] = [()] * (len(drives.first_epoch) - 1)
+    else:
+        smoother = _Smoother(workspace, roads, epochs, vehicle, settings, lag)
+        output, drives, notes = smoother.smoothed(first)
+    workspace.give_back()
+    done = len(drives.first_epoch) - 1
+    if not done:
+        return None
+    n = first[done]
+    if n < len(epochs):
+        epochs, output = epochs[:n], Output(output.rows[:n], output.alt_pose[:n])
+    time_each(roads.arrays, epochs, output.rows, drives, np.zeros(len(drives.driven) + 1, np.int64))
+    driven, first_edge = trimmed(drives.driven, drives.first_edge)
+    return Batch(epochs, output, drives.first_epoch.tolist(), driven, first_edge.tolist()), notes
+
+
+def _filtered(
+    workspace: Workspace, roads: RoadMap, epochs: Records, first: list[int], vehicle: Vehicle,
+    settings: Settings,
+) -> tuple[Output, Drives]:  # fmt: skip
+    """Estimates and edges of the drives that the tables have room for, in one call."""
     n = len(epochs)
     output, bounds = new_output(n, False), np.array(first)
     drives = Drives(
@@ -104,14 +136,74 @@ def filter_batch(
         workspace.belief(False), workspace.empty, workspace.path(), _NO_HISTORY, epochs, output,
         ctx, drives,
     )  # fmt: skip
-    workspace.give_back()
-    if not done:
-        return None
-    if first[done] < n:
-        n = first[done]
-        epochs, output = epochs[:n], Output(output.rows[:n], output.alt_pose[:n])
     rows = int(drives.first_edge[done])
-    drives = Drives(bounds[: done + 1], drives.first_edge[: done + 1], drives.driven[:rows].copy())
-    time_each(roads.arrays, epochs, output.rows, drives, np.zeros(rows + 1, np.int64))
-    driven, first_edge = trimmed(drives.driven, drives.first_edge)
-    return Batch(epochs, output, drives.first_epoch.tolist(), driven, first_edge.tolist())
+    return output, Drives(
+        bounds[: done + 1], drives.first_edge[: done + 1], drives.driven[:rows].copy()
+    )
+
+
+class _Smoother:
+    """Drives filtered and smoothed one after the other in the same tables.
+
+    The pointers to these are taken once, which takes longer than filtering some fixes.
+    """
+
+    def __init__(
+        self, workspace: Workspace, roads: RoadMap, epochs: Records, vehicle: Vehicle,
+        settings: Settings, lag: Lag,
+    ) -> None:  # fmt: skip
+        self._epochs, self._lag = epochs, lag
+        ctx = workspace.context(roads.arrays, settings, vehicle, CLOCK)
+        self._belief, self._path = workspace.belief(True), workspace.path()
+        self._history, buffers = workspace.smoothing()
+        self._begin_anew = workspace.begin_anew()
+        self._filtered = filtered = new_output(len(epochs), False)
+        self._output = output = new_output(len(epochs), False)
+        self._vetting = self._belief.state[0].vetting
+        self._run = run.bind(
+            self._belief, self._path, self._history, epochs, filtered, ctx, ..., ...
+        )
+        self._smooth = smooth_span.bind(
+            buffers, self._history, self._path, ctx, epochs, filtered, output, ...
+        )
+        self._chains = BestChains(self._history, self._path, roads.arrays)
+
+    def smoothed(self, first: list[int]) -> tuple[Output, Drives, list[tuple[str, ...]]]:
+        """Estimates and edges of the drives that there is room for, and notes on their sensors."""
+        chains, notes = list[Chain](), list[tuple[str, ...]]()
+        for low, high in pairwise(first):
+            if not self._take(low, high):
+                break
+            chains.append(self._chain(low, high))
+            notes.append(tuple(finding.note for finding in sensor_findings(self._vetting)))
+        driven, first_edge = untimed(chains)
+        return self._output, Drives(np.array(first[: len(chains) + 1]), first_edge, driven), notes
+
+    def _take(self, low: int, high: int) -> bool:
+        """Filter and smooth the drive of these epochs; False: the tables are too small for it."""
+        self._begin_anew()
+        if self._run(low, high) < high:
+            return False
+        history, filtered = self._history, self._filtered.rows[low:high]
+        self._output.rows[low:high] = filtered
+        count = history.count[0]
+        steps = int(count.steps)
+        if steps == len(history.steps):
+            return False
+        if steps:
+            own = self._epochs[low:high]
+            spans = spans_of(self._lag, history, own, filtered, low)
+            # the last step lasts until the next one: the drive's end stands for it meanwhile
+            history.steps[steps].epoch = high
+            count.steps = steps + 1
+            for span in spans:
+                self._smooth(span)
+            count.steps = steps
+        return True
+
+    def _chain(self, low: int, high: int) -> Chain:
+        """The most probable path of the drive taken last."""
+        timeline = Timeline(self._epochs[low:high], CLOCK, 0)
+        if not self._history.count[0].steps or is_sparse(timeline):
+            return heaviest_chain(self._path, self._belief)
+        return self._chains.found()

@@ -210,7 +210,7 @@ class Job(NamedTuple):
     ) -> Iterator[_Answer | _Failure]:
         """The answers to all trips, in order; as many at once as possible."""
         regular, trip, trips = self._regular(chunk), 0, len(chunk.names)
-        batched = self.lag is None and not self.sensors and self.places is None
+        batched = not self.sensors and self.places is None
         single = np.flatnonzero(~regular.usable if batched else np.ones(trips))
         while trip < trips:
             end = int(next(iter(single[single >= trip]), trips))
@@ -251,16 +251,16 @@ class Job(NamedTuple):
             return None
         bounds = regular.first[trip : end + 1]
         epochs = regular.epochs[bounds[0] : bounds[-1]]
+        first = (bounds - bounds[0]).tolist()
         try:
-            batch = filter_batch(
-                self.roads, epochs, (bounds - bounds[0]).tolist(), vehicle, settings
-            )
+            found = filter_batch(self.roads, epochs, first, vehicle, settings, self.lag)
         except Exception:  # find out which trip is the cause
             return None
-        if batch is None:
+        if found is None:
             return None
+        batch, more = found
         end = trip + len(batch.first) - 1
-        notes = [regular.notes.get(k, ()) for k in range(trip, end)]
+        notes = [(*regular.notes.get(trip + k, ()), *wrong) for k, wrong in enumerate(more)]
         outside = regular.outside[trip:end].tolist()
         return _Answer(names[trip:end], batch, [{}] * (end - trip), notes, outside)
 
@@ -295,7 +295,7 @@ class Job(NamedTuple):
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag,
                 poses=self.places is not None,
             )  # fmt: skip
-            wrong = (f"{finding.what}: {finding.advice}" for finding in recorded.withheld)
+            wrong = (finding.note for finding in recorded.withheld)
             notes = (*notes, *notes_of(recorded.sensors), *wrong)
             epochs, output = timeline.epochs, recorded.output
             driven = traversals(epochs, output, recorded.chain, self.roads.arrays)

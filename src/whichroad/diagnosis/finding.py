@@ -20,3 +20,8 @@ class Finding:
             f"{self.what}: {self.statistic:.3g}, {self.low:.3g} to {self.high:.3g} was expected; "
             f"{self.advice}"
         )
+
+    @property
+    def note(self) -> str:
+        """What it is and what to do, without numbers."""
+        return f"{self.what}: {self.advice}"

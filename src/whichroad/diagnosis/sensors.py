@@ -46,12 +46,13 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
     delay = moved + found_delay(vetting.latency)
     if abs(delay) > _LATE:
         found.append(clock_finding(delay, _LATE))
-    if vetting.seconds[ARC] >= _LEAST:
+    seconds = vetting.seconds.tolist()
+    if seconds[ARC] >= _LEAST:
         found.append(_distance(vetting))
-    elif vetting.seconds[_IMPOSSIBLE] >= _LEAST_IMPOSSIBLE:
+    elif seconds[_IMPOSSIBLE] >= _LEAST_IMPOSSIBLE:
         found.append(
             Finding(
-                "odometry: impossible", "warning", float(vetting.seconds[_IMPOSSIBLE]), 0.0,
+                "odometry: impossible", "warning", seconds[_IMPOSSIBLE], 0.0,
                 _LEAST_IMPOSSIBLE,
                 f"it measured what no car can do{_when(vetting, _IMPOSSIBLE)}, and was withheld; "
                 "look for a counter that stands still, jumps or wraps (counter_bits), and for the "
@@ -65,11 +66,11 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
         found.append(_column(BACKWARDS))
     if vetting.unturned >= _UNTURNED:
         found.append(_column(TURNLESS))
-    if vetting.seconds[TURN] >= _LEAST:
+    if seconds[TURN] >= _LEAST:
         found.append(_turns(vetting))
-    if vetting.seconds[SPEED] >= _LEAST:
+    if seconds[SPEED] >= _LEAST:
         found.append(_speed(vetting))
-    if vetting.seconds[COURSE] >= _LEAST:
+    if seconds[COURSE] >= _LEAST:
         found.append(_course(vetting))
     repeated = float(vetting.repeats.seconds)
     if repeated >= _LEAST:

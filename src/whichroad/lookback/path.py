@@ -111,26 +111,34 @@ class Alternative:
         return self.routes
 
 
-def best_chain(history: History, path: Path, roads: Roads) -> Chain:
-    """The path on which most of the drive is right, by the smoothed probabilities.
+class BestChains:
+    """Paths on which most is right, by smoothed probabilities, of drives in the same tables.
 
     Args:
-        history: The graph, smoothed.
+        history: The graph.
         path: The tree of edges entered.
         roads: The network.
-
-    Returns:
-        The edges.
     """
-    steps, nodes, _ = history.count[0].tolist()
-    p, score = np.zeros((2, nodes))
-    back, chain = np.zeros(nodes, np.int64), np.zeros(steps, np.int64)
-    edge_probability(history, p)
-    p[history.nodes.edge[:nodes] == OFF_ROAD] *= _OFF_ROAD_WEIGHT
-    time = history.steps.time[:steps]
-    weight = np.diff(time, append=time[-1]) + 0.1
-    best_path(history, weight, p, score, back, chain)
-    return _edges_of(_columns(history, path, roads), chain)
+
+    def __init__(self, history: History, path: Path, roads: Roads) -> None:
+        steps, nodes = len(history.steps), len(history.nodes)
+        self._count, self._columns = history.count, _columns(history, path, roads)
+        self._weight, (self._p, score) = np.zeros(steps), np.zeros((2, nodes))
+        back, self._chain = np.zeros(nodes, np.int64), np.zeros(steps, np.int64)
+        self._add_up = edge_probability.bind(history, self._p)
+        self._find = best_path.bind(history, self._weight, self._p, score, back, self._chain)
+
+    def found(self) -> Chain:
+        """The edges of the drive that is in the tables, smoothed."""
+        steps, nodes, _ = self._count[0].tolist()
+        c = self._columns
+        c = c._replace(time=c.time[:steps], first_node=c.first_node[:steps])
+        self._add_up()
+        self._p[:nodes][c.edge[:nodes] == OFF_ROAD] *= _OFF_ROAD_WEIGHT
+        self._weight[:steps] = 0.1
+        self._weight[: steps - 1] += c.time[1:] - c.time[:-1]
+        self._find()
+        return _edges_of(c, self._chain[:steps])
 
 
 class _Columns(NamedTuple):
@@ -165,9 +173,8 @@ class _Entered(NamedTuple):
 
 
 def _columns(history: History, path: Path, roads: Roads) -> _Columns:
-    steps, nodes, links = history.count[0].tolist()
-    step, node, link = history.steps[:steps], history.nodes[:nodes], history.links[:links]
-    entry = path.entry
+    """Of the whole tables, free rows too."""
+    step, node, link, entry = history.steps, history.nodes, history.links, path.entry
     return _Columns(
         roads, step.time, step.first_node, step.end_node, node.edge, node.smoothed,
         node.path_entry, node.first_link, node.end_link, link.origin, link.share, entry.parent,
@@ -178,7 +185,7 @@ def _columns(history: History, path: Path, roads: Roads) -> _Columns:
 def _edges_of(c: _Columns, nodes: NDArray[np.int64]) -> Chain:
     """The edges that a chain of nodes, one a step, has driven."""
     every = c.edge[nodes]
-    changes = np.flatnonzero(np.diff(every, prepend=-9))
+    changes = np.append(0, np.flatnonzero(every[1:] != every[:-1]) + 1)
     edge, entry, now = every[changes], c.path_entry[nodes[changes]], c.time[changes]
     before = np.where(changes > 0, c.time[changes - 1], now)
     told = (entry >= 0) & (c.entry_edge[entry] == edge)
@@ -238,8 +245,10 @@ def alternatives(
     Returns:
         The parts in driving order.
     """
-    c = _columns(history, path, roads)
-    steps, time = len(c.time), c.time
+    steps, nodes, links = history.count[0].tolist()
+    step, node, link = history.steps[:steps], history.nodes[:nodes], history.links[:links]
+    c = _columns(history._replace(steps=step, nodes=node, links=link), path, roads)
+    time = c.time
     p = np.zeros(len(c.edge))
     edge_probability(history, p)
     top = np.maximum.reduceat(p, c.first_node) if steps else np.zeros(0)

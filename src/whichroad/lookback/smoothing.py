@@ -15,7 +15,7 @@ from ..filter.lookback.best_path import edge_probability
 from ..filter.lookback.history import History, enlarged, is_full, new_history
 from ..filter.lookback.smoother import SmootherBuffers, Span, new_buffers, smooth_span, smooth_step
 from ..filter.state import Belief, Context, Path
-from ..filter.summary.estimate import Output, new_output
+from ..filter.summary.estimate import Estimates, Output, new_output
 from ..graph.network import copied
 from ..observations import Array
 from ..roadmap import RoadMap
@@ -177,10 +177,10 @@ def entries_in_use(belief: Belief, history: History) -> tuple[Any, Any]:
     return belief.hyp.path_entry[:count], history.nodes.path_entry[: history.count[0].nodes]
 
 
-def travelled(past: Past) -> Array:
+def travelled(epochs: Records, filtered: Estimates) -> Array:
     """Metres driven at each epoch, by the filter's speeds."""
-    dt = np.diff(past.epochs.time, prepend=past.epochs.time[:1])
-    return np.asarray(np.cumsum(np.abs(past.filtered.rows.speed) * np.clip(dt, 0.0, None)))
+    dt = np.diff(epochs.time, prepend=epochs.time[:1])
+    return np.asarray(np.cumsum(np.abs(filtered.speed) * np.clip(dt, 0.0, None)))
 
 
 def smooth(past: Past, ctx: Context, buffers: SmootherBuffers | None = None) -> Output:
@@ -197,34 +197,45 @@ def smooth(past: Past, ctx: Context, buffers: SmootherBuffers | None = None) -> 
         An estimate of each epoch; those before the first estimate stay empty.
     """
     output = Output(copied(past.filtered.rows), past.filtered.alt_pose.copy())
-    steps = int(past.history.count[0].steps)
-    if not steps or past.lag.length == 0.0:
+    if not past.history.count[0].steps:
         return output
     buffers = buffers or new_buffers()
     smooth_one = smooth_span.bind(
         buffers, past.history, past.path, ctx, past.epochs, past.filtered, output, ...
     )
-    for span in _spans(past, steps):
+    for span in spans_of(past.lag, past.history, past.epochs, past.filtered.rows):
         smooth_one(span)
     return output
 
 
-def _spans(past: Past, steps: int) -> list[Span]:
-    """The backward passes that together estimate all steps."""
-    lag = past.lag
+def spans_of(
+    lag: Lag, history: History, epochs: Records, filtered: Estimates, first: int = 0
+) -> list[Span]:
+    """The backward passes that together estimate all steps of a drive.
+
+    Args:
+        lag: Later than each by so much.
+        history: The graph; it has steps.
+        epochs: (n,) EPOCH of the drive.
+        filtered: (n,) the filter's estimates.
+        first: By what number its steps know the first epoch.
+    """
+    steps = int(history.count[0].steps)
+    if lag.length == 0.0:
+        return []
     if math.isinf(lag.length):
         return [Span(steps - 1, 0, steps)]
-    at = np.ascontiguousarray(past.history.steps.time[:steps])
+    at = np.ascontiguousarray(history.steps.time[:steps])
     if lag.metres:
-        at = travelled(past)[past.history.steps.epoch[:steps]]
+        at = travelled(epochs, filtered)[history.steps.epoch[:steps] - first]
     spans = []
-    first = 0
-    while first < steps:
-        known = int(np.searchsorted(at, at[first] + (1.0 + _SLACK) * lag.length))
+    step = 0
+    while step < steps:
+        known = int(np.searchsorted(at, at[step] + (1.0 + _SLACK) * lag.length))
         last = steps
         if known < steps - 1:
             last = int(np.searchsorted(at, at[known] - lag.length, side="right"))
-        last = max(min(last, known + 1), first + 1)
-        spans.append(Span(min(known, steps - 1), first, last))
-        first = last
+        last = max(min(last, known + 1), step + 1)
+        spans.append(Span(min(known, steps - 1), step, last))
+        step = last
     return spans

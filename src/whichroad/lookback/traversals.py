@@ -1,5 +1,7 @@
 """From a chain of edges to traversals: edges with times of entry and exit."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,16 +15,6 @@ from .path import Chain
 _SHORT = 30.0  # m
 
 Traversals = Records  # (r,) TRAVERSAL, the edges of a path in driving order
-
-
-def _joined(chain: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Places of a chain's edges, repeats joined.
-
-    An edge left for off-road and entered again further on is one edge.
-    """
-    on = np.flatnonzero(chain != OFF_ROAD)
-    edge = chain[on]
-    return np.asarray(on[np.append(True, edge[1:] != edge[:-1])[: len(on)]])
 
 
 def _improbable(driven: Traversals) -> NDArray[np.bool_]:
@@ -62,6 +54,38 @@ def trimmed(driven: Traversals, first: NDArray[np.int64]) -> tuple[Traversals, N
     return driven[left], np.append(0, np.cumsum(left))[first]
 
 
+def untimed(chains: Sequence[Chain]) -> tuple[Traversals, NDArray[np.int64]]:
+    """The edges of paths, repeats joined; when and where they were driven is not filled in.
+
+    An edge left for off-road and entered again further on is one edge.
+
+    Args:
+        chains: (d,) their edges.
+
+    Returns:
+        Their rows, one path behind the other, and (d + 1,) where each begins.
+    """
+    if not chains:
+        return records(0, TRAVERSAL), np.zeros(1, np.int64)
+    bounds = np.cumsum([0, *(len(chain.edge) for chain in chains)])
+    edge, entered, along = (np.concatenate([c[k] for c in chains]) for k in range(3))
+    share, route = (
+        np.concatenate([np.ones(len(c.edge)) if c[k] is None else c[k] for c in chains])
+        for k in (3, 4)
+    )
+    on = np.flatnonzero(edge != OFF_ROAD)
+    new = np.append(True, edge[on][1:] != edge[on][:-1])[: len(on)]
+    whose = np.searchsorted(bounds, on, side="right")
+    new[1:] |= whose[1:] != whose[:-1]
+    at = on[new]
+    driven = records(len(at), TRAVERSAL)
+    driven.edge, driven.entered, driven.along = edge[at], entered[at], along[at]
+    before = np.minimum(np.append(at[1:], len(edge)), bounds[whose[new]]) - 1
+    driven.left = np.where(edge[before] == OFF_ROAD, along[before], 0.0)
+    driven.share, driven.route = share[at], route[at]
+    return driven, np.searchsorted(at, bounds)
+
+
 def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> Traversals:
     """The edges of a path, timed by the positions on them.
 
@@ -74,16 +98,10 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
     Returns:
         One row per edge, in driving order.
     """
-    at = _joined(chain.edge)
-    driven = records(len(at), TRAVERSAL)
-    if not len(at):
+    driven, _ = untimed([chain])
+    if not len(driven):
         return driven
-    driven.edge, driven.entered, driven.along = chain.edge[at], chain.time[at], chain.along[at]
-    before = np.append(at[1:], len(chain.edge)) - 1
-    driven.left = np.where(chain.edge[before] == OFF_ROAD, chain.along[before], 0.0)
-    driven.share = chain.share[at] if chain.share is not None else 1.0
-    driven.route = chain.route[at] if chain.route is not None else 1.0
-    first = np.zeros(len(at) + 1, np.int64)
+    first = np.zeros(len(driven) + 1, np.int64)
     first_epochs(driven, epochs, first)
     broken_rules(roads, driven)
     estimates = output.rows
