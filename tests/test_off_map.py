@@ -87,6 +87,53 @@ def test_swapped_coordinates_are_named(roads):
         whichroad.match(swapped, roads)
 
 
+def localized(
+    roads: whichroad.RoadMap, fixes: pd.DataFrame, left: float = 12.0, right: float = 12.0
+) -> whichroad.Localizer:
+    """A localizer at the end of a drive with wheels."""
+    localizer = whichroad.Localizer(roads)
+    for time, lat, lon in fixes[["time", "lat", "lon"]].itertuples(index=False):
+        localizer.take(whichroad.WheelSpeed(time, left, right))
+        localizer.take(whichroad.GeoFix.with_sigma(time, lat, lon, 3.0))
+    return localizer
+
+
+def bend() -> pd.DataFrame:
+    """Half a circle to the left, as wheels at 12 and 12.47 m/s tell it."""
+    angle = np.pi * np.arange(N) / (N - 1) - 0.5 * np.pi
+    radius = 12.23 * (N - 1) / np.pi
+    lat, lon = PLANE.to_geodetic(250 + radius * np.cos(angle), radius * (1 + np.sin(angle)))
+    return pd.DataFrame({"time": 1.6e9 + np.arange(N), "lat": lat, "lon": lon})
+
+
+def test_swapped_coordinates_are_named_on_line_and_wheels_are_not(roads):
+    turn = np.pi / (N - 1) * 0.75
+    sound = localized(roads, bend(), 12.23 - turn, 12.23 + turn)
+    assert [one.what for one in sound.diagnosis] == []
+    assert "from the map" not in sound.estimate().reason
+    swapped = bend().rename(columns={"lat": "lon", "lon": "lat"})
+    found = localized(roads, swapped, 12.23 - turn, 12.23 + turn)
+    assert [one.what for one in found.diagnosis] == ["map extent"]
+    for text in (found.diagnosis[0].advice, found.estimate().reason):
+        assert "km from the map" in text
+        assert text.endswith("were latitude and longitude swapped?")
+    assert found.estimate().reason.startswith("no mapped road fits; lat 8.7")
+    again = whichroad.Localizer.from_bytes(found.to_bytes(), roads)
+    assert again.diagnosis == found.diagnosis
+
+
+def test_a_vehicle_that_leaves_the_map_is_told_so_on_line_and_one_false_fix_is_not(roads):
+    away = localized(roads, drive(x=-1800.0))
+    assert [one.what for one in away.diagnosis] == ["map extent"]
+    assert "1.3 km from the map" in away.diagnosis[0].advice
+    assert away.diagnosis[0].advice.endswith("is this the right extract?")
+    localizer = localized(roads, drive())
+    end = drive().time.iloc[-1]
+    localizer.take(whichroad.GeoFix.with_sigma(end + 1.0, 8.7, 49.4, 3.0))
+    assert [one.what for one in localizer.diagnosis] == []
+    assert "from the map" not in localizer.estimate().reason
+
+
 def test_a_drive_partly_outside_keeps_its_answer_and_says_how_much_lies_outside(roads):
     result = whichroad.match(drive(step=100.0), roads)  # to the east, 3.9 km
     points = result.points

@@ -1,4 +1,4 @@
-"""How far the map is off and its lines are turned, as a drive with wheels has shown."""
+"""How far the map is off and its lines are turned, as a drive has shown; or that it is another."""
 
 import math
 from typing import NamedTuple
@@ -6,6 +6,8 @@ from typing import NamedTuple
 from ..filter.state import WHEELS, Belief, X, Y, most_probable
 from ..geodesy.angles import degrees
 from ..geodesy.plane import Plane
+from ..roadmap import RoadMap
+from ..roadmap.extent import NEAR, OffMap, outside_map
 from ..settings import Settings
 from .finding import Finding
 
@@ -60,6 +62,19 @@ def map_error_of(belief: Belief, settings: Settings, plane: Plane) -> MapError |
         sigma * math.sqrt(local),
         float(degrees(settings.edge_heading_sigma * math.sqrt(learnt.heading_factor))),
     )  # fmt: skip
+
+
+def outside_of(belief: Belief, roads: RoadMap) -> OffMap | None:
+    """How far the most probable hypothesis is from the map; None: it is on it, or there is none."""
+    if not belief.state[0].count:
+        return None
+    at = belief.hyp[most_probable(belief)].mu
+    return outside_map(roads, float(at[X]), float(at[Y]))
+
+
+def outside_finding(outside: OffMap) -> Finding:
+    """A vehicle that is where the map has no road."""
+    return Finding("map extent", "warning", outside.away, 0.0, NEAR, outside.text)
 
 
 def offset_finding(error: MapError | None) -> tuple[Finding, ...]:

@@ -15,6 +15,7 @@ from ..places import AHEAD_M, NEARBY_M, Places, RelativePlace
 from ..roadmap import RoadMap
 from ..roadmap.attribute_names import known_name
 from ..roadmap.attribute_shares import shares_by_value
+from ..roadmap.extent import OffMap, beyond, off_map
 from ..tables.status import RECENT, STATUS, reason
 from .epoch_filter import Living, Row, living, row_of
 
@@ -219,13 +220,16 @@ class Estimate:
 
     @property
     def reason(self) -> str:
-        """Why the status is what it is, for people; the competing roads where it is ambiguous."""
+        """Why the status is what it is, for people; the competing roads where it is ambiguous.
+
+        A vehicle outside the map is told so, with the distance.
+        """
         known = self._living()
         shares: dict[int, float] = {}
         weights = ((1.0 - self._known_to_none) * known.weight).tolist()
         for edge, p in zip(known.edge.tolist(), weights, strict=True):
             shares[edge] = shares.get(edge, 0.0) + p
-        return reason(
+        words = reason(
             self.status,
             roads=sorted(shares.items(), key=lambda share: -share[1]),
             name=self._street,
@@ -233,6 +237,16 @@ class Estimate:
             scale=self._values.gnss_scale,
             answered=len(shares) > 0,
         )
+        outside = self._outside(known) if self.status in ("off_road", "lost") else None
+        return words if outside is None else f"{words}; {outside.text}"
+
+    def _outside(self, known: Living) -> OffMap | None:
+        """Whether the most probable is outside of the circle about the map; no road is sought."""
+        if not len(known.weight):
+            return None
+        top = int(np.argmax(known.weight))
+        place = self._roads.plane.to_geodetic(float(known.x[top]), float(known.y[top]))
+        return off_map(self._roads, *place, float(beyond(self._roads, *place)))
 
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:

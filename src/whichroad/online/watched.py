@@ -4,7 +4,7 @@ from threading import RLock
 
 from ..diagnosis.findings import Finding, findings
 from ..diagnosis.further_sensors import further_findings
-from ..diagnosis.map_offset import map_error_of
+from ..diagnosis.map_offset import map_error_of, outside_finding, outside_of
 from ..diagnosis.sensor_states import SensorState, states_of
 from ..diagnosis.sensors import sensor_findings, takeover_findings
 from ..diagnosis.statistics import ConsistencyStatistics
@@ -64,11 +64,20 @@ class Watched:
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
-        """Sensors that were withheld, else settings that do not fit the data so far."""
+        """Sensors that were withheld, else settings that do not fit the data so far.
+
+        A vehicle that is off the map is named first; with latitude and longitude swapped
+        nothing else can be judged.
+        """
         with self._lock:
             belief, names = self._filter.belief, self._sensing.sensed.names
             state = belief.state[0]
-            further = (*self._streams.findings(), *further_findings(names, state.sensors))
+            outside = outside_of(belief, self.roads)
+            elsewhere = () if outside is None else (outside_finding(outside),)
+            if outside is not None and outside.swapped:
+                return elsewhere
+            streams = self._streams.findings()
+            further = (*elsewhere, *streams, *further_findings(names, state.sensors))
             named = takeover_findings(self._gyro.takeover)
             if named:  # settings are not judged by sensors that are wrong
                 return (*further, *named, *sensor_findings(state.vetting))

@@ -1,7 +1,7 @@
 """Whether places lie on a map: near one of its roads."""
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,10 @@ _PLANE = 100_000.0  # m from the map beyond which distances are measured on the 
 _CIRCLE = 1.01  # of the circle's radius, more than the sphere differs from the Earth
 _SIGMAS = 3.0  # of a start pose, by which it may be off the map
 _TRIED = 20  # fixes of which the nearest is named
+_CAUSE = {  # by whether it is on the map with latitude and longitude exchanged
+    True: "were latitude and longitude swapped?",
+    False: "is this the right extract?",
+}
 _HALF = 2**31  # rows of cells count from -2³¹, as in `graph.index.cell_key`
 
 
@@ -36,7 +40,7 @@ def are_near(
         at: (n, 2) the same in the map's plane, where they are known there.
     """
     near = np.zeros(len(lat_deg), np.bool_)
-    some = np.flatnonzero(_beyond(roads, lat_deg, lon_deg) <= NEAR)
+    some = np.flatnonzero(beyond(roads, lat_deg, lon_deg) <= NEAR)
     if at is None:
         x, y = roads.plane.from_geodetic(lat_deg[some], lon_deg[some])
     else:
@@ -114,9 +118,9 @@ def start_note(start: StartPose, lat_deg: float, lon_deg: float) -> str | None:
 
 def distance(roads: RoadMap, lat_deg: float, lon_deg: float) -> float:
     """Distance of a place from the nearest road, true m; far away on the sphere, at the least."""
-    beyond = float(_beyond(roads, lat_deg, lon_deg))
-    if not beyond <= _PLANE:
-        return beyond
+    least = float(beyond(roads, lat_deg, lon_deg))
+    if not least <= _PLANE:
+        return least
     x, y = (float(v) for v in roads.plane.from_geodetic(lat_deg, lon_deg))
     found, radius = records(1, index.CANDIDATE), NEAR
     while not index.near(roads.arrays, x, y, radius, found):
@@ -133,15 +137,52 @@ def outside_reason(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> str:
         roads: The map.
     """
     tried = np.unique(np.linspace(0, len(lat_deg) - 1, _TRIED).round().astype(int))
-    tried = np.append(tried, np.argmin(_beyond(roads, lat_deg, lon_deg)))
+    tried = np.append(tried, np.argmin(beyond(roads, lat_deg, lon_deg)))
     places = [(float(lat_deg[k]), float(lon_deg[k])) for k in tried.tolist()]
     away, lat, lon = min((distance(roads, *place), *place) for place in places)
-    swapped = abs(lon) <= 90.0 and distance(roads, lon, lat) <= NEAR
-    hint = "were latitude and longitude swapped?" if swapped else "is this the right extract?"
     return (
         f"the nearest, lat {lat:.4f}, lon {lon:.4f}, is {_text(away)} from the map; a map that "
-        f"holds the drive was expected; {hint}"
+        f"holds the drive was expected; {_CAUSE[_is_swapped(roads, lat, lon)]}"
     )
+
+
+class OffMap(NamedTuple):
+    """A place that is not on the map."""
+
+    away: float  # m from it, at least
+    swapped: bool  # with latitude and longitude exchanged it is on the map
+    text: str  # for people
+
+
+def off_map(roads: RoadMap, lat_deg: float, lon_deg: float, away: float) -> OffMap | None:
+    """How far a place is from the map, and what may be the cause; None: it is on the map.
+
+    Args:
+        roads: The map.
+        lat_deg: Of the place.
+        lon_deg: Likewise.
+        away: Its `distance`, or how far it is `beyond`, m.
+    """
+    if not away > NEAR:
+        return None
+    swapped = _is_swapped(roads, lat_deg, lon_deg)
+    return OffMap(away, swapped, (
+        f"lat {lat_deg:.4f}, lon {lon_deg:.4f} is at least {_text(away)} from the map; a map that "
+        f"holds the drive was expected; {_CAUSE[swapped]}"
+    ))  # fmt: skip
+
+
+def outside_map(roads: RoadMap, x: float, y: float) -> OffMap | None:
+    """As `off_map`, of a place in the map's plane."""
+    if index.near(roads.arrays, x, y, NEAR, records(1, index.CANDIDATE)):
+        return None
+    place = roads.plane.to_geodetic(x, y)
+    return off_map(roads, *place, distance(roads, *place))
+
+
+def _is_swapped(roads: RoadMap, lat_deg: float, lon_deg: float) -> bool:
+    """Whether a place off the map is on it with latitude and longitude exchanged."""
+    return abs(lon_deg) <= 90.0 and distance(roads, lon_deg, lat_deg) <= NEAR
 
 
 def _refusal(name: str, lat_deg: Array, lon_deg: Array, roads: RoadMap) -> str:
@@ -171,7 +212,7 @@ def _beside_full_cells(roads: RoadMap, x: Array, y: Array) -> NDArray[np.bool_]:
     return held
 
 
-def _beyond(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
+def beyond(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:
     """Metres from the circle around the map on the sphere, negative inside."""
     away = on_sphere(roads.plane.lat0_deg, roads.plane.lon0_deg, lat_deg, lon_deg)
     return away - roads.reach * _CIRCLE
