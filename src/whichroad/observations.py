@@ -238,8 +238,9 @@ class WheelTicks:
 
     Attributes:
         time: s since 1970 UTC.
-        left: Counts of the left rear wheel since any moment, unwrapped; fewer in reverse.
-            `Vehicle.metres_per_tick_left` makes metres of them.
+        left: Counts of the left rear wheel since any moment; fewer in reverse.
+            `Vehicle.metres_per_tick_left` makes metres of them.  They are unwrapped, or wrap at
+            `Vehicle.counter_bits`.
         right: Counts of the right rear wheel.
     """
 

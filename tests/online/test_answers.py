@@ -35,6 +35,7 @@ from whichroad.observations import (
     Fixes,
     GeoFix,
     StartPose,
+    WheelCounts,
     WheelTicks,
 )
 from whichroad.online import Estimate, Localizer
@@ -54,6 +55,31 @@ def test_on_line_says_what_the_recorded_drive_gives(delay: float):
     estimates, values, edges = both_ways(wheels(STRAIGHT), together)
     np.testing.assert_allclose(said(estimates), values, atol=1e-9)
     assert [(e.edge, e.status) for e in estimates.values()] == edges
+
+
+@pytest.mark.parametrize(("bits", "low"), [(8, 0), (12, 0), (12, -2048), (16, 0)])
+def test_counters_that_wrap_say_on_line_what_those_that_do_not_say(bits: int, low: int):
+    """A gap of 4 s holds several turns of the shortest counter; half-way it is stored."""
+    car = replace(CAR, counter_bits=bits)
+    at = np.arange(10, len(STRAIGHT.time), 10)
+    log = wheels(STRAIGHT)
+    log = WheelCounts(log.time, np.floor(log.left) + 200.0, np.floor(log.right) + 3.0)
+    plain, wrapped, unwrapped = (Localizer(TOWN, vehicle=one) for one in (CAR, car, car))
+    for k, reading in enumerate(records(log, fixes(STRAIGHT, at))):
+        if 400 < k < 440 and isinstance(reading, WheelTicks):
+            continue
+        if k == 700:
+            wrapped = Localizer.from_bytes(wrapped.to_bytes(), TOWN)
+        raw = reading
+        if isinstance(reading, WheelTicks):
+            raw = WheelTicks(
+                reading.time,
+                *((count - low) % 2**bits + low for count in (reading.left, reading.right)),
+            )
+        expected = plain.update(reading)
+        for estimate in (wrapped.update(raw), unwrapped.update(reading)):
+            assert repr(estimate) == repr(expected)
+    assert plain.skipped == wrapped.skipped == unwrapped.skipped == {}
 
 
 def test_on_line_a_first_fix_between_two_wheel_readings_starts_there():

@@ -4,6 +4,7 @@ import math
 from collections import Counter
 
 from ..readers.wheel_counters import JUMP
+from ..sensors.odometry import nearest_step
 from ..sensors.validation import FASTEST
 
 _JITTER = 0.02  # s, tolerance of time stamps
@@ -52,8 +53,7 @@ class CounterStream:
         step = raw - self._raw
         expected = abs(self._rate) * since
         if self._modulus:
-            near = (expected if gap else 0.0) - step
-            step += self._modulus * round(near / self._modulus)
+            step = nearest_step(step, self._modulus, expected if gap else 0.0)
         if abs(step) * self._scale > FASTEST * (since + _JITTER):
             skipped[JUMP] += 1
             step = expected if self._rate >= 0.0 else -expected

@@ -252,7 +252,9 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         dt = reading.time - before.time
         silent = self._is_silent(dt)
         self._interval = learnt(self._interval, gap)
-        arc, turn, valid = bridged_step(before, reading, self.vehicle, self._rate, self.skipped)
+        arc, turn, valid = bridged_step(
+            before, reading, self.vehicle, self._rate, self.skipped, silent
+        )
         arc, turn = self._gyro.steered(before, reading, arc, turn)
         if unheard and not is_speed(reading):
             return self._counted_on(reading, arc, turn, dt)

@@ -37,6 +37,7 @@ from .validation import BACKS, FASTEST, UNSEEN, Skipped
 Rate = TypeVar("Rate", float, Array)
 
 _JITTER = 0.02  # s, by which readings come too close together
+_NONE = (0.0, 0.0)
 _JUMP = "odometry jumped (bridged)"
 
 
@@ -123,13 +124,29 @@ def _with_gyro(motion: Motion, gyro: YawRates) -> Motion:
     )
 
 
-def step_between(before: Observation, reading: Observation, car: Vehicle) -> tuple[float, float]:
+def nearest_step(step: float, modulus: float, expected: float) -> float:
+    """Of the steps that a counter of so many counts cannot tell apart the nearest to another."""
+    return step + modulus * round((expected - step) / modulus)
+
+
+def _unwrapped(before: float, now: float, car: Vehicle, expected: float) -> float:
+    """Counts from one reading of a wheel to the next; beyond the counter's bits none wrap."""
+    modulus = 2.0**car.counter_bits
+    if min(before, now) < -0.5 * modulus or max(before, now) >= modulus:
+        return now - before
+    return nearest_step(now - before, modulus, expected)
+
+
+def step_between(
+    before: Observation, reading: Observation, car: Vehicle, expected: tuple[float, float] = _NONE
+) -> tuple[float, float]:
     """The same of two readings of one sensor that follow one another.
 
     Args:
         before: The earlier one.
         reading: The later one, of the same kind.
-        car: Metres per count and track width.
+        car: Metres per count, width of counters and of the track.
+        expected: What a counter that may have wrapped more than once is likely to say, m and rad.
 
     Returns:
         Distance (m, negative in reverse) and turn (rad, counter-clockwise; 0 of an
@@ -138,8 +155,14 @@ def step_between(before: Observation, reading: Observation, car: Vehicle) -> tup
     dt = reading.time - before.time
     match reading, before:
         case WheelTicks(), WheelTicks():
-            left = (reading.left - before.left) * car.metres_per_tick_left
-            right = (reading.right - before.right) * car.metres_per_tick_right
+            left, right = car.metres_per_tick_left, car.metres_per_tick_right
+            if car.counter_bits:
+                arc, half = expected[0], 0.5 * expected[1] * car.track_width
+                left *= _unwrapped(before.left, reading.left, car, (arc - half) / left)
+                right *= _unwrapped(before.right, reading.right, car, (arc + half) / right)
+            else:
+                left *= reading.left - before.left
+                right *= reading.right - before.right
         case WheelSpeed(), WheelSpeed():
             by_left, by_right = wheel_scales(car)
             left = by_left * 0.5 * (reading.left + before.left) * dt
@@ -162,6 +185,7 @@ def bridged_step(
     car: Vehicle,
     rate: tuple[float, float],
     skipped: Skipped,
+    gap: bool = False,
 ) -> tuple[float, float, int]:
     """`step_between`; a step that no car can make is as the motion before it, and counted.
 
@@ -171,12 +195,14 @@ def bridged_step(
         car: Metres per count and track width.
         rate: What moves it, m/s and rad/s.
         skipped: Counts the jumps.
+        gap: Whether it is so long after that a short counter may have wrapped more than once.
 
     Returns:
         Distance and turn, and whether they were measured.
     """
     dt = reading.time - before.time
-    arc, turn = step_between(before, reading, car)
+    expected = (rate[0] * dt, rate[1] * dt) if gap else _NONE
+    arc, turn = step_between(before, reading, car, expected)
     began_anew = dt > UNSEEN and arc < -BACKS * dt and rate[0] >= 0.0
     possible = abs(arc) + 0.5 * abs(turn) * car.track_width <= FASTEST * (dt + _JITTER)
     if possible and not began_anew:
