@@ -7,7 +7,14 @@ import pytest
 
 from online.avenue import CAR, STRAIGHT, TOWN, fixes, records, town_fix, wheels
 from scenes import drive_along, gnss
-from whichroad.observations import Observation, SpeedYaw, WheelCounts, WheelTicks
+from whichroad.observations import (
+    Distance,
+    GeoFix,
+    Observation,
+    SpeedYaw,
+    WheelCounts,
+    WheelTicks,
+)
 from whichroad.online import Localizer
 
 
@@ -120,3 +127,19 @@ def test_who_drives_off_without_fixes_while_the_counters_are_withheld_is_covered
     assert (found[:, 0] < found[:, 1])[200:].all()
     first, last = found[[stands + 90 - len(time), stands + 180 - len(time)], 1]
     assert last > 1.5 * first  # nothing says that it still stands
+
+
+@pytest.mark.parametrize("far", [(49.4, 8.9), (8.7, 49.4)])
+def test_one_fix_of_elsewhere_does_not_move_a_vehicle_whose_odometer_counts(far):
+    """15 km away, and with latitude and longitude swapped; no vehicle is there within a second."""
+    online = Localizer(TOWN, vehicle=CAR)
+    for second in range(60):
+        for tenth in range(10):
+            online.take(Distance(1e9 + second + 0.1 * tenth, 10.0 * second + tenth))
+        fix = town_fix(20.0 + 10.0 * second + 9.5, -1.75, 1e9 + second + 0.95)
+        if second == 40:
+            fix = GeoFix.with_sigma(fix.time, *far, 3.0)
+        said = online.update(fix)
+        assert second < 30 or abs(said.pose.x - 29.5 - 10.0 * second) < 5.0
+        assert second < 30 or said.protection_level < 60.0
+        assert second < 30 or said.p_way > 0.95

@@ -57,6 +57,7 @@ _RECENT = 10.0  # s; wheels confirm the motion since a fix this long ago
 _YOUNG = 30.0  # s of fixes, before which the belief may be as wrong as the receiver
 _REFUTED = 0.3  # of the pruning floor: hypotheses below it are dropped before their update
 _FAR = 20.0  # m, from a misfitting fix to the estimate, that adds re-initialisation hypotheses
+_REACH, _FASTEST = 1000.0, 100.0  # m, m/s: farther from the estimate no fix can be right at once
 _JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
 _FORGOTTEN = 30.0  # s without a misfit, after which the next one is a new event
 _SIDES = 1.6  # times the gate: one sound fix in a thousand
@@ -209,6 +210,14 @@ def _settle(
             state.innovation_mean[0] = state.innovation_mean[1] = 0.0
 
 
+@kernel
+def _is_in_reach(belief: Belief, epoch: Record, since: float) -> bool:
+    """Whether a vehicle may have come to a fix since the last one, s, if the belief is wrong."""
+    mean = belief.hyp[most_probable(belief)].mu
+    away = math.hypot(epoch.fix[0] - mean[X], epoch.fix[1] - mean[Y]) / belief.state[0].scale
+    return bool(away < _REACH + _FASTEST * since)
+
+
 @kernel(inline=True)
 def _search(
     belief: Belief, path: Path, ctx: Context, epoch: Record, white: float, far: bool
@@ -329,7 +338,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     thin = max(1.0, 1.0 / max(interval, 0.01))
     axes = _axes(fix, white, thin)
     innovations(belief, ctx, fix, axes)
-    if state.mode != CLOCK:
+    in_reach = _is_in_reach(belief, epoch, since)
+    if state.mode != CLOCK and in_reach:
         note_departure(belief, epoch, axes)
     doubted = _learn(belief, ctx, epoch, white)
     _count_anew(state, epoch)
@@ -338,7 +348,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     state.fix_interval += LATEST * (since - state.fix_interval)
     chi2 = _weigh_fix(belief, ctx, epoch, axes, since)
     far = chi2 > 4.0 * par.gnss_gate
-    if par.gnss_lost > 0.0:
+    if par.gnss_lost > 0.0 and in_reach:
         _search(belief, path, ctx, epoch, white, far)
     observe_motion(belief, ctx, epoch, thin)
     state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
