@@ -476,14 +476,20 @@ def test_fixes_off_the_map_are_counted_for_each_trip(roads, fleet):
     assert plain["fixes_outside_map"].to_pylist() == [0] * 7
 
 
-def test_a_speed_whose_unit_cannot_be_told_is_noted(roads, fleet):
+@pytest.mark.parametrize("lag", [None, "full"])
+@pytest.mark.parametrize("room", [0, 1, 64])
+def test_a_speed_whose_unit_cannot_be_told_is_noted(roads, fleet, monkeypatch, lag, room):
+    """And once the places have shown that it is wrong, that it was withheld."""
+    monkeypatch.setattr(filtering, "_VETTED", room)
     few = pa.concat_tables([fleet.slice(0, 32), fleet.slice(32, 5)])
     table = few.append_column("speed", pa.array([43.2] * 32 + [0.5] * 5))
-    moving, standing = match_many(table, roads).drives["notes"].to_pylist()
+    moving, standing = match_many(table, roads, lag=lag).drives["notes"].to_pylist()
     assert "'speed' taken in m/s" in moving[0]
     assert "too short" in moving[0]
+    assert moving[1].startswith("gnss speed: the receiver's speed was 3.")
     assert standing == []  # whatever the unit, it stands
-    assert [one["notes"] for one in whichroad.match(table, roads).summary["each"]] == [moving, []]
+    alone = [one["notes"] for one in whichroad.match(table, roads).summary["each"]]
+    assert alone == [moving[:1], []]
     kmh = table.rename_columns([*table.column_names[:-1], "speed_kmh"])
     assert match_many(kmh, roads).drives["notes"].to_pylist() == [[], []]
 

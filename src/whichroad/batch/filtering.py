@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._compile import Records
+from .._compile import Record, Records
 from ..diagnosis.sensors import sensor_findings
 from ..epochs import Timeline
 from ..filter.lookback.history import new_history
@@ -16,6 +16,7 @@ from ..filter.many import Drives, localize_each, time_each
 from ..filter.state import CLOCK
 from ..filter.step import run
 from ..filter.summary.estimate import Output, new_output
+from ..filter.vetting.motion_sources import VETTING
 from ..graph.network import records
 from ..lookback.path import BestChains, Chain, heaviest_chain
 from ..lookback.smoothing import Lag, spans_of
@@ -27,6 +28,7 @@ from ..workspace import Workspace
 
 _EDGES = 16  # driven from one epoch to the next, that the table holds
 _MORE_EDGES = 1 << 12  # added to it
+_VETTED = 64  # drives of which a sensor was withheld, in one call
 _NO_HISTORY = new_history(0)
 
 
@@ -99,13 +101,14 @@ def filter_batch(
         lag: By how much later knowledge epochs are answered; None: by what was known then.
 
     Returns:
-        The first of the drives, up to one that the workspace is too small for, and with a lag
-        what is said of the sensors of each; None: that is the first of them.
+        The first of the drives, up to one that the workspace is too small for, and what is said
+        of the sensors of each; None: that is the first of them.
     """
     workspace = Workspace.taken()
     if lag is None:
         output, drives = _filtered(workspace, roads, epochs, first, vehicle, settings)
-        notes: list[tuple[str, ...]] = [()] * (len(drives.first_epoch) - 1)
+        said = [_notes(vetting) for vetting in drives.vetting]
+        notes = [said[row] if row >= 0 else () for row in drives.vetted.tolist()]
     else:
         smoother = _Smoother(workspace, roads, epochs, vehicle, settings, lag)
         output, drives, notes = smoother.smoothed(first)
@@ -129,17 +132,25 @@ def _filtered(
     n = len(epochs)
     output, bounds = new_output(n, False), np.array(first)
     drives = Drives(
-        bounds, np.zeros(len(first), np.int64), records(_EDGES * n + _MORE_EDGES, TRAVERSAL)
-    )
+        bounds, np.zeros(len(first), np.int64), records(_EDGES * n + _MORE_EDGES, TRAVERSAL),
+        records(_VETTED, VETTING), np.zeros(len(first) - 1, np.int64),
+    )  # fmt: skip
     ctx = workspace.context(roads.arrays, settings, vehicle, CLOCK)
     done = localize_each(
         workspace.belief(False), workspace.empty, workspace.path(), _NO_HISTORY, epochs, output,
         ctx, drives,
     )  # fmt: skip
     rows = int(drives.first_edge[done])
+    vetted = drives.vetted[:done]
     return output, Drives(
-        bounds[: done + 1], drives.first_edge[: done + 1], drives.driven[:rows].copy()
-    )
+        bounds[: done + 1], drives.first_edge[: done + 1], drives.driven[:rows].copy(),
+        drives.vetting[: int(vetted.max(initial=-1)) + 1], vetted,
+    )  # fmt: skip
+
+
+def _notes(vetting: Record) -> tuple[str, ...]:
+    """What is said of the sensors of a drive."""
+    return tuple(finding.note for finding in sensor_findings(vetting))
 
 
 class _Smoother:
@@ -175,9 +186,13 @@ class _Smoother:
             if not self._take(low, high):
                 break
             chains.append(self._chain(low, high))
-            notes.append(tuple(finding.note for finding in sensor_findings(self._vetting)))
+            notes.append(_notes(self._vetting))
         driven, first_edge = untimed(chains)
-        return self._output, Drives(np.array(first[: len(chains) + 1]), first_edge, driven), notes
+        drives = Drives(
+            np.array(first[: len(chains) + 1]), first_edge, driven, records(0, VETTING),
+            np.full(len(chains), -1),
+        )  # fmt: skip
+        return self._output, drives, notes
 
     def _take(self, low: int, high: int) -> bool:
         """Filter and smooth the drive of these epochs; False: the tables are too small for it."""

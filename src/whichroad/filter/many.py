@@ -1,8 +1,8 @@
 """Many drives, one after the other, in one compiled call: its fixed cost is paid once."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from .._compile import Ints, entry, kernel
+from .._compile import Array, Ints, Record, Records, entry, kernel
 from ..graph.network import Roads
 from ._simd import copy_record
 from .lookback.history import History
@@ -10,6 +10,7 @@ from .lookback.passage import Traversals, broken_rules, first_epochs, time_edges
 from .state import NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
 from .step import run
 from .summary.estimate import Estimates, Output
+from .vetting.motion_sources import SOURCES, VETTING
 
 
 class Drives(NamedTuple):
@@ -18,6 +19,8 @@ class Drives(NamedTuple):
     first_epoch: Ints  # (d + 1,) the epoch at which each begins, and the number of epochs
     first_edge: Ints  # (d + 1,) the edge at which each begins, and the number of edges
     driven: Traversals  # (r,)
+    vetting: Annotated[Records, Array(VETTING, 1)]  # (m,) of drives of which a sensor was withheld
+    vetted: Ints  # (d,) the row of each drive there, -1: none was
 
 
 @kernel
@@ -61,6 +64,15 @@ def _list_edges(belief: Belief, path: Path, drives: Drives, d: int) -> bool:
     return True
 
 
+@kernel
+def _withheld(vetting: Record) -> bool:
+    """Whether anything that a receiver reported was withheld."""
+    seconds = vetting.repeats.seconds
+    for source in range(SOURCES):
+        seconds += vetting.seconds[source]
+    return bool(seconds > 0.0)
+
+
 @entry
 def localize_each(
     belief: Belief, empty: Belief, path: Path, history: History, epochs: Epochs, output: Output,
@@ -82,6 +94,7 @@ def localize_each(
         How many drives are done; less than d where a table is too small for the next one.
     """
     drives.first_edge[0] = 0
+    noted = 0
     for d in range(len(drives.first_epoch) - 1):
         copy_record(belief.state[0], empty.state[0])
         for j in range(len(ctx.work.row)):
@@ -91,6 +104,13 @@ def localize_each(
         done = run(belief, path, history, epochs, output, ctx, drives.first_epoch[d], last)
         if done < last or not _list_edges(belief, path, drives, d):
             return d
+        drives.vetted[d] = -1
+        if _withheld(belief.state[0].vetting):
+            if noted == len(drives.vetting):
+                return d
+            copy_record(drives.vetting[noted], belief.state[0].vetting)
+            drives.vetted[d] = noted
+            noted += 1
     return len(drives.first_epoch) - 1
 
 

@@ -22,7 +22,7 @@ from .vetting.motion_sources import (
 )
 from .vetting.repeats import is_repeated
 from .vetting.vet import mode_of, refuse_standing, vet
-from .vetting.wheel_size import mend_size
+from .vetting.wheel_size import forget_size, mend_size
 from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
 _IN_GAP = 0.3  # P(it has driven round corners unseen, or stopped) in a gap of all sensors
@@ -150,6 +150,7 @@ def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> No
     vetting = belief.state[0].vetting
     if vetting.latency.found == 1:
         vetting.latency.found = 0
+        forget_size(vetting.wheel_size)
         _start_elsewhere(belief, par, epoch, True)
     if vetting.wheel_size.found == 1:
         _take_scale(belief, par, epoch)

@@ -7,7 +7,7 @@ import numpy as np
 from ..._compile import Record, kernel
 from .latency import LATENCY, clear_latency
 from .repeats import REPEATS
-from .wheel_size import WHEEL_SIZE
+from .wheel_size import WHEEL_SIZE, forget_size
 from .windows import WINDOWS
 
 ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
@@ -130,8 +130,7 @@ def clear(vetting: Record) -> None:
     clear_latency(vetting.latency)
     vetting.wheel_size.rate_variance = math.inf
     vetting.wheel_size.rate = 1.0
-    vetting.wheel_size.factor = 1.0
-    vetting.wheel_size.time = -math.inf
+    forget_size(vetting.wheel_size)
     vetting.rolled = _ROLLED
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0

@@ -137,6 +137,16 @@ def _is_straight(size: Record, now: Record) -> bool:
 
 
 @kernel
+def forget_size(size: Record) -> None:
+    """Begin anew: the odometry counts as it is said to."""
+    size.factor = 1.0
+    size.time = -math.inf
+    size.count = 0
+    size.begun = 0
+    size.p = 0.0
+
+
+@kernel
 def mend_size(size: Record, reading: Record) -> None:
     """Multiply what the odometry has measured by what its scale was found to be.
 
