@@ -107,8 +107,8 @@ def filter_batch(
     workspace = Workspace.taken()
     if lag is None:
         output, drives = _filtered(workspace, roads, epochs, first, vehicle, settings)
-        said = [_notes(vetting) for vetting in drives.vetting]
-        notes = [said[row] if row >= 0 else () for row in drives.vetted.tolist()]
+        noted = [_notes(vetting) for vetting in drives.vetting]
+        notes = [noted[row] if row >= 0 else () for row in drives.vetted.tolist()]
     else:
         smoother = _Smoother(workspace, roads, epochs, vehicle, settings, lag)
         output, drives, notes = smoother.smoothed(first)
