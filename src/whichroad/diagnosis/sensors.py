@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from .._compile import Record
 from ..filter.vetting.latency import found_delay
 from ..filter.vetting.motion_sources import ARC, COURSE, SPEED, TURN
+from ..filter.vetting.windows import BY_WHEELS
 from ..geodesy.angles import degrees
 from ..sensors.takeover import GYRO, WHEELS, Takeover
 from ..sensors.whole_columns import BACKWARDS, STANDS, TURNLESS
@@ -23,6 +24,7 @@ _IN_DEGREES = 5.0  # above which they are in degrees
 _SILENT = 10.0  # s, to be named
 _UNTURNED = 500.0  # m, the same
 _LATE = 0.25  # s, to be named
+_TURNS = 0.02  # of the scale of turns, to be named
 _SIZE, _LEARNT_SIZE = 0.01, 0.05  # of the odometer's scale that was mended, or learnt: to be named
 _BEHIND = 0.1  # s behind others on line, within which none is refused for long
 _READINGS = {
@@ -62,6 +64,8 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
     size = vetting.wheel_size
     if abs(size.factor - 1.0) > _SIZE or abs(size.factor * size.rate - 1.0) > _LEARNT_SIZE:
         found.append(_scale(size))
+    if abs(vetting.turn_size.factor - 1.0) > _TURNS:
+        found.append(_turn_scale(vetting))
     if vetting.turnabouts > 0:
         found.append(_column(BACKWARDS))
     if vetting.unturned >= _UNTURNED:
@@ -219,6 +223,19 @@ def _scale(size: Record) -> Finding:
         "wheels: scale", "warning", metres, 1.0 - _SIZE, 1.0 + _SIZE,
         f"one metre by the odometer is {metres:.3f} m by the fixes{when}, and is taken for that; "
         "correct metres_per_tick (other tyres, or another vehicle's numbers?) or the speed's unit",
+    )  # fmt: skip
+
+
+def _turn_scale(vetting: Record) -> Finding:
+    """Turns whose scale was found to be another one."""
+    gain = float(vetting.turn_size.factor)
+    name, advice = "gyro: scale", "correct the yaw rate's scale"
+    if vetting.steered == BY_WHEELS:
+        name = "wheels: track width"
+        advice = f"divide track_width by {gain:.3f}, or correct the yaw rate"
+    return Finding(
+        name, "warning", gain, 1.0 - _TURNS, 1.0 + _TURNS,
+        f"true turns are {gain:.3f} times those that are measured, and are taken so; {advice}",
     )  # fmt: skip
 
 

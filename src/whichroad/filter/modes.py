@@ -151,7 +151,12 @@ def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> No
     if vetting.latency.found == 1:
         vetting.latency.found = 0
         forget_size(vetting.wheel_size)
+        forget_size(vetting.turn_size)
         _start_elsewhere(belief, par, epoch, True)
+    if vetting.turn_size.found == 1:
+        vetting.turn_size.found = 0
+        vetting.windows.count = 0
+        _start_elsewhere(belief, par, epoch, False)
     if vetting.wheel_size.found == 1:
         _take_scale(belief, par, epoch)
     if vetting.exposed == 1:
@@ -214,6 +219,7 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
     vetting.seen[TURN] = 0.0
     vetting.drift = 0.0
     vetting.windows.count = 0  # turns until now were those of the other one
+    forget_size(vetting.turn_size)
     state.known_drift[0] = state.known_drift[1] = 0.0
     if state.mode == WHEELS and state.count > 0:
         history.since[0].switched = 1
@@ -293,7 +299,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     state = belief.state[0]
     par = ctx.par[0]
     copy_record(reading, epoch)
-    mend_size(state.vetting.wheel_size, reading)
+    mend_size(state.vetting.wheel_size, state.vetting.turn_size, reading)
     if par.paper:
         state.mode = par.mode
         return reading

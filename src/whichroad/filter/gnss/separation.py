@@ -360,7 +360,7 @@ def _cover(state: Record, out: Record, place: Vector, sigma: float) -> None:
 
 @kernel(inline=True)
 def cover_scale(state: Record, out: Record, risk: float) -> None:
-    """Let an estimate cover the last fix, where the odometer may count too much or too little.
+    """Let an estimate cover the last fix, where odometer or turns may have another scale.
 
     Args:
         state: With the fix.
@@ -368,9 +368,10 @@ def cover_scale(state: Record, out: Record, risk: float) -> None:
         risk: Of the level.
     """
     size = state.vetting.wheel_size
-    if size.p <= risk:
+    p = max(size.p, state.vetting.turn_size.p)
+    if p <= risk:
         return
     dx = (size.at[0] - out.x) / state.scale
     dy = (size.at[1] - out.y) / state.scale
-    sigma = size.at[2] * math.sqrt(2.0 * math.log(size.p / risk))
-    cover_place(out, dx, dy, size.p, (sigma, sigma, sigma))
+    sigma = size.at[2] * math.sqrt(2.0 * math.log(p / risk))
+    cover_place(out, dx, dy, p, (sigma, sigma, sigma))

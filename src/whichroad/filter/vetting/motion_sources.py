@@ -88,7 +88,8 @@ VETTING = np.dtype(
         ("agreed_turn", "f8"),  # and the sum of turns when it last did not, rad
         ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
         ("latency", LATENCY),
-        ("wheel_size", WHEEL_SIZE),  # of the wheels: the odometer's scale
+        ("wheel_size", WHEEL_SIZE),  # the odometer's scale,
+        ("turn_size", WHEEL_SIZE),  # and that of its turns
         ("repeats", REPEATS),  # fixes that only repeat a place
     ],
     align=True,
@@ -131,6 +132,7 @@ def clear(vetting: Record) -> None:
     vetting.wheel_size.rate_variance = math.inf
     vetting.wheel_size.rate = 1.0
     forget_size(vetting.wheel_size)
+    forget_size(vetting.turn_size)
     vetting.rolled = _ROLLED
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0

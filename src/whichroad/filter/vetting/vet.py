@@ -26,6 +26,7 @@ from .motion_sources import (
 )
 from .plausibility import check_odometry, is_odd
 from .sparse_fixes import leg_of, weigh_leg
+from .turn_size import watch_turns
 from .wheel_size import watch_size
 from .windows import (
     ANCHORS,
@@ -91,6 +92,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     watch_size(vetting.wheel_size, epoch, windows, scale, sound)
     if not kept:
         return
+    watch_turns(vetting.turn_size, windows, scale, sound)
     if leg.seconds > 0.0:
         seen = weigh_leg(vetting, leg, sensors)
         _decide(vetting)

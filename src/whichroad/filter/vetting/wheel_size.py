@@ -12,7 +12,7 @@ import numpy as np
 from ..._compile import Record, kernel
 from .windows import ANCHORS, BY_WHEELS
 
-LEGS = 12  # that are kept
+LEGS = 24  # that are kept
 
 _LEG = np.dtype(
     [
@@ -92,8 +92,8 @@ def watch_size(size: Record, epoch: Record, windows: Record, scale: float, valid
     if size.begun == 1 and seconds >= part * _LEAST_TIME:
         straight = _is_straight(size, windows.now)
         if straight and _way(size, windows.now) >= part * _SHORTEST and seconds <= _MOST_TIME:
-            _add_leg(size, windows.now, scale, seconds)
-            _decide(size, epoch.time)
+            _end_leg(size, windows.now, scale, seconds)
+            decide(size, epoch.time)
             size.begun = 0
         elif seconds > _MOST_TIME or not straight:
             size.begun = 0
@@ -147,52 +147,69 @@ def forget_size(size: Record) -> None:
 
 
 @kernel
-def mend_size(size: Record, reading: Record) -> None:
+def mend_size(size: Record, turns: Record, reading: Record) -> None:
     """Multiply what the odometry has measured by what its scale was found to be.
 
     Where the difference of two wheels is the turn, it is too large by as much as their ways.
 
     Args:
         size: With the factor.
+        turns: The same of turns.
         reading: What the sensors measured, in place.
     """
     if size.factor != 1.0:
         reading.arc *= size.factor
         reading.forward *= size.factor
         reading.left *= size.factor
+    by = turns.factor
     if reading.gyro == BY_WHEELS:
-        reading.turn *= size.factor * size.rate
-        reading.left *= size.rate
+        by *= size.factor * size.rate
+    if by != 1.0:
+        reading.turn *= by
+        reading.left *= by
 
 
 @kernel
-def _add_leg(size: Record, now: Record, scale: float, seconds: float) -> None:
-    """Keep a leg; where the receiver's speed agrees with the odometer, positions prove nothing."""
-    leg = size.legs[size.count % LEGS]
+def variance_between(seconds: float, a: float, b: float) -> float:
+    """Variance of the way between fixes of the sigmas a and b so many seconds apart, m²."""
+    slow = 1.0 - math.exp(-seconds / _BIAS_TIME)
+    return (_WHITE * _WHITE + slow) * (a * a + b * b) + _LEAST * _LEAST
+
+
+@kernel
+def _end_leg(size: Record, now: Record, scale: float, seconds: float) -> None:
+    """End a leg; where the receiver's speed agrees with the odometer, positions prove nothing."""
     begin = size.begin
     way = _way(size, now)
     arc = now.arc - size.way
     bent = _BENT * (1.0 - way / arc) * way
-    slow = 1.0 - math.exp(-seconds / _BIAS_TIME)
-    variance = (_WHITE * _WHITE + slow) * (size.at[2] ** 2 + begin[3] ** 2)
-    variance += _LEAST * _LEAST + (_OF_WAY * way) ** 2 + bent * bent
+    variance = variance_between(seconds, begin[3], size.at[2])
+    variance += (_OF_WAY * way) ** 2 + bent * bent
     expected = size.rate * way
     seen = math.hypot(size.at[0] - begin[1], size.at[1] - begin[2]) / scale
     if size.speeds == 1:
         reported = (now.path - size.path) * way / arc
         if abs(reported - expected) < abs(seen - expected):
             seen = reported
+    add_leg(size, way, seen, variance, seconds)
+
+
+@kernel
+def add_leg(size: Record, way: float, seen: float, variance: float, seconds: float) -> None:
+    """Keep what was measured (m, rad), and what the fixes say of it."""
+    leg = size.legs[size.count % LEGS]
     leg.way = way
     leg.seen = seen
     leg.variance = variance
     leg.seconds = seconds
     size.count += 1
-    if (seen - expected) ** 2 <= _FITS * _FITS * (variance + way * way * size.rate_variance):
+    known = variance + way * way * size.rate_variance
+    if (seen - size.rate * way) ** 2 <= _FITS * _FITS * known:
         size.agreed += 1
 
 
 @kernel
-def _decide(size: Record, time: float) -> None:
+def decide(size: Record, time: float) -> None:
     """How likely another scale is, by the last legs; it is taken from `_SURE` nats on.
 
     Errors of chords are Student's, as receivers err by far more at times.  With the misfits z of

@@ -1,0 +1,70 @@
+"""A track width that is wrong, beside fixes that report no speed."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import whichroad
+from demands.town import PLANE, along, corners, roads
+from whichroad.observations import GeoFix, Observation, WheelSpeed
+
+SIGMA = 1.5  # m
+ROUNDS = 4
+TRUE_WIDTH = 1.5  # m
+
+
+@cache
+def ride() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, places and headings of a drive round blocks, to the left and to the right."""
+    left, right = ["11", "12", "22", "21"], ["11", "10", "00", "01"]
+    way = corners(*["20", "21"], *([*right, *left[:1], *left[1:]] * ROUNDS), "11")
+    time, place = along(way, 9.0, 0.1)
+    smooth = np.column_stack(
+        [np.convolve(np.pad(p, 12, "edge"), np.ones(25) / 25, "valid") for p in place.T]
+    )
+    step = np.gradient(smooth, axis=0)
+    return time, smooth, np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+
+
+def driven(told: float) -> tuple[np.ndarray, list[str]]:
+    """Time, error of the place and its level after each fix, and what is named."""
+    time, place, heading = ride()
+    rng = np.random.default_rng(2)
+    speed = np.hypot(*np.gradient(place, 0.1, axis=0).T)
+    rate = np.gradient(heading, 0.1)
+    half = 0.5 * TRUE_WIDTH
+    readings: list[Observation] = [
+        WheelSpeed(1.6e9 + float(t), float(v - half * w), float(v + half * w))
+        for t, v, w in zip(time, speed, rate, strict=True)
+    ]
+    slow = np.zeros(2)
+    for k in range(0, len(time), 10):
+        slow = np.exp(-1.0 / 80.0) * slow + rng.normal(0.0, 0.15, 2)
+        lat, lon = PLANE.to_geodetic(*(place[k] + slow + rng.normal(0.0, 0.5, 2)))
+        readings.append(GeoFix.with_sigma(1.6e9 + float(time[k]), float(lat), float(lon), SIGMA))
+    online = whichroad.Localizer(roads(), vehicle=whichroad.Vehicle(track_width=told))
+    places = np.column_stack(roads().plane.from_geodetic(*PLANE.to_geodetic(*place.T)))
+    rows = []
+    for reading in sorted(readings, key=lambda r: r.time):
+        said = online.update(reading)
+        if isinstance(reading, GeoFix) and said.answered:
+            t = reading.time - 1.6e9
+            x, y = places[min(round(10.0 * t), len(places) - 1)]
+            rows.append((t, np.hypot(said.pose.x - x, said.pose.y - y), said.protection_level))
+    return np.array(rows).T, [one.what for one in online.diagnosis]
+
+
+@pytest.mark.parametrize("told", [1.25, 1.7])
+def test_a_wrong_track_width_is_found_out_in_corners(told: float):
+    (time, error, level), named = driven(told)
+    assert named == ["wheels: track width"]
+    late = time > 0.75 * time[-1]
+    assert np.quantile(error[late], 0.95) < 4.0 * SIGMA
+    assert np.mean(error > level) < 0.02
+
+
+def test_a_right_track_width_is_not_blamed():
+    (_, error, level), named = driven(TRUE_WIDTH)
+    assert named == []
+    assert (error < level).all()
