@@ -66,4 +66,4 @@ def watch_turns(size: Record, windows: Record, scale: float, valid: bool) -> Non
 def _variance(a: Record, b: Record, scale: float) -> float:
     """Variance of the direction from one anchor to another, rad²."""
     square = ((b.x - a.x) ** 2 + (b.y - a.y) ** 2) / (scale * scale)
-    return variance_between(b.time - a.time, a.sigma, b.sigma) / square
+    return float(variance_between(b.time - a.time, a.sigma, b.sigma) / square)
