@@ -113,6 +113,12 @@ def test_help_imports_nothing_heavy():
     assert set(HEAVY) & set(done.stdout.split()) == set()
 
 
+def test_the_process_of_a_posted_trace_does_not_import_what_serves():
+    code = "import sys, whichroad.live.trace_worker; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"starlette", "uvicorn", "asyncio"} & set(done.stdout.split()) == set()
+
+
 # The floors
 
 

@@ -15,16 +15,17 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from io import BufferedWriter, TextIOWrapper
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from ..errors import WhichroadError
-from ..page.compressed import LEVEL
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 from .background import limit_memory, one_thread
 from .message_types import VERSION
 from .trace_limits import MOST_ROWS, TooLargeTrace, check_size, stream_of
-from .trace_options import TraceOptions
+
+if TYPE_CHECKING:  # what serves requests is not imported in this process
+    from .trace_options import TraceOptions
 
 REQUEST, BODY, ANSWER, REFUSAL = "request.json", "body", "answer", "refusal.json"
 MOST_MEMORY = 300 * 1024 * 1024  # bytes that one trace may take, where the system can limit it
@@ -42,7 +43,7 @@ class Refused(Exception):
 
 
 def request(
-    suffix: str, options: TraceOptions, roads: Path, vehicle: Vehicle, settings: Settings,
+    suffix: str, options: "TraceOptions", roads: Path, vehicle: Vehicle, settings: Settings,
     *, gzip: bool = False,
 ) -> str:  # fmt: skip
     """What the worker is asked, as text.
@@ -125,6 +126,8 @@ def _written(path: Path, gzip: bool) -> TextIO:
     if not gzip:
         return path.open("w", encoding="utf-8")
     from gzip import GzipFile
+
+    from ..page.compressed import LEVEL
 
     return TextIOWrapper(BufferedWriter(GzipFile(path, "wb", LEVEL, mtime=0)), "utf-8")
 
