@@ -19,7 +19,8 @@ import whichroad
 import whichroad.demo
 from whichroad.cli import main
 
-MAIN = "from whichroad.cli import main; main()"
+# The README's readers have no asammdf, which python-can imports where it is: that takes long.
+MAIN = "import sys; sys.modules['asammdf'] = None; from whichroad.cli import main; main()"
 OWN_PROCESS = {"live"}  # it takes signals
 OUTPUTS = {"-o", "--out", "--path-out", "--report", "--lineage", "--ahead", "--nearby"}
 

@@ -20,8 +20,10 @@ from whichroad.live.trace_options import TraceOptions
 # A process beside the filter gives way to all others.  Beside busy processors, as those of tests
 # are, it waits for minutes: here it does not, but where that itself is tested.
 KEEPS_PACE = "import whichroad.live.background as b; b.give_way = lambda **_: None; "
-_CODE = "from whichroad.cli import main; main()"
-_URGENT = f"from whichroad.live import traces as t; t._WORKER = {KEEPS_PACE!r} + t._WORKER; {_CODE}"
+# python-can imports asammdf where it is installed, which takes longer than all else; services read
+# no MF4, and their extra does not bring it.
+CODE = "import sys; sys.modules['asammdf'] = None; from whichroad.cli import main; main()"
+_URGENT = f"from whichroad.live import traces as t; t._WORKER = {KEEPS_PACE!r} + t._WORKER; {CODE}"
 
 
 def _in_the_foreground():
@@ -33,7 +35,7 @@ class Served:
     """`whichroad live` as a user starts it, but for the priority of its other processes."""
 
     def __init__(self, *arguments, gives_way=False, stdin=None):
-        code = _CODE if gives_way else _URGENT
+        code = CODE if gives_way else _URGENT
         command = [sys.executable, "-c", code, "live", "--port", "0", "--no-page"]
         self.process = subprocess.Popen(
             [*command, *map(str, arguments)], stdin=stdin, stdout=subprocess.PIPE,

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from live.service import Served, drive_files
+from live.service import CODE, Served, drive_files
 from whichroad.cli import app
 from whichroad.live import web_server
 from whichroad.live.access import is_local
@@ -23,14 +23,12 @@ from whichroad.online import Localizer
 
 pytestmark = pytest.mark.slow
 
-_CODE = "from whichroad.cli import main; main()"
-
 
 class Replayed:
     """`whichroad replay` as a user starts it."""
 
     def __init__(self, *arguments):
-        command = [sys.executable, "-c", _CODE, "replay", "--port", "0", "--no-browser"]
+        command = [sys.executable, "-c", CODE, "replay", "--port", "0", "--no-browser"]
         self.process = subprocess.Popen(
             [*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             text=True,
