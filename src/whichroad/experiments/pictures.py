@@ -6,14 +6,13 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ..lineage import Hypothesis
 from ..lineage.lanes import Stretch, draw_lanes, lanes_of, legend_of_lanes
-from ..plots.pages import DPI, STYLE
+from ..plots.pages import STYLE, print_png
 from ..plots.panels import FIX, HIDDEN, PROBABLE, RECKONING, TRUTH, UNIT, probability_bar
 from .curves import ABOVE, COLOURS, Line, draw_band, draw_errors, draw_survival
 from .example_drive import ExampleDrive
@@ -59,7 +58,7 @@ def draw_scene(
 
     def save(name: str, draw: Callable[[], Figure], caption: str) -> Picture:
         path = out / f"{name}.png"
-        FigureCanvasAgg(draw()).print_figure(path, dpi=DPI)
+        print_png(draw(), path)
         return Picture(path, caption)
 
     with matplotlib.rc_context(STYLE):

@@ -7,6 +7,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from .hypotheses import draw_zoom, page_of_hypotheses
@@ -62,10 +63,19 @@ def draw_methods(
 def _save(figure: Figure, out: Path, name: str) -> list[Path]:
     """As PNG and as SVG; the same picture is the same file."""
     png, svg = out / f"{name}.png", out / f"{name}.svg"
-    FigureCanvasAgg(figure).print_figure(png, dpi=DPI)
+    print_png(figure, png)
     figure.set_layout_engine("none")  # what was laid out stays where it is
-    figure.savefig(svg, format="svg", metadata={"Date": None})
+    canvas: Any = FigureCanvasSVG(figure)
+    canvas.print_svg(svg, metadata={"Date": None})
     return [png, svg]
+
+
+def print_png(figure: Figure, path: Path) -> None:
+    """Draw a figure once, which lays it out; `Figure.savefig` draws it for its layout before."""
+    usual, figure.dpi = figure.dpi, DPI
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.print_png(path)
+    figure.dpi = usual
 
 
 def _overview(scene: Scene, windows: list[Window], title: str) -> Figure:
