@@ -2,16 +2,21 @@
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import nbclient
-import nbformat
 import pytest
 
 from .pages import NOTEBOOKS, title
 
+if TYPE_CHECKING:  # slow to import: only the worker that runs notebooks does
+    from nbformat import NotebookNode
 
-def run(path: Path, folder: Path) -> nbformat.NotebookNode:
+
+def run(path: Path, folder: Path) -> "NotebookNode":
     """A notebook with its outputs, run in a folder of its own."""
+    import nbclient
+    import nbformat
+
     notebook = nbformat.read(path, as_version=4)
     nbclient.NotebookClient(
         notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
@@ -19,7 +24,7 @@ def run(path: Path, folder: Path) -> nbformat.NotebookNode:
     return notebook
 
 
-def printed(notebook: nbformat.NotebookNode) -> str:
+def printed(notebook: "NotebookNode") -> str:
     """What its cells printed, and their values as text and as HTML."""
     texts = []
     for cell in notebook.cells:

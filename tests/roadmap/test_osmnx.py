@@ -1,11 +1,11 @@
 """Maps as OSMnx makes and stores them, by OSMnx itself."""
 
 from pathlib import Path
+from types import ModuleType
 
 import geopandas
 import networkx
 import numpy as np
-import osmnx
 import pytest
 
 import whichroad
@@ -13,6 +13,14 @@ from whichroad import RoadMap
 from whichroad.errors import MapError
 from whichroad.graph.network import AGAINST_ONE_WAY
 from whichroad.simulate import draw_town
+
+
+@pytest.fixture(scope="module")
+def osmnx() -> ModuleType:
+    """Imported where it is used: it brings scikit-learn, which takes a second in every worker."""
+    import osmnx
+
+    return osmnx
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +32,7 @@ def extract(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def graph(extract) -> networkx.MultiDiGraph:
+def graph(extract, osmnx) -> networkx.MultiDiGraph:
     """The same as OSMnx reads it, streets joined between junctions."""
     return osmnx.graph_from_xml(extract, simplify=True)
 
@@ -68,7 +76,7 @@ def test_a_graph_of_osmnx_is_the_extract_that_it_was_made_of(extract, graph, roa
             assert rule[v, u] == AGAINST_ONE_WAY
 
 
-def test_graphml_and_geopackage_are_the_same_map(graph, roads, tmp_path):
+def test_graphml_and_geopackage_are_the_same_map(graph, roads, tmp_path, osmnx):
     osmnx.save_graphml(graph, tmp_path / "town.graphml")
     osmnx.save_graph_geopackage(graph, tmp_path / "town.gpkg", directed=True)
     osmnx.save_graph_geopackage(graph, tmp_path / "once.gpkg")
@@ -80,7 +88,7 @@ def test_graphml_and_geopackage_are_the_same_map(graph, roads, tmp_path):
         same(RoadMap.from_edges(table), roads)
 
 
-def test_a_drive_is_matched_to_whatever_osmnx_gives(graph, roads, tmp_path):
+def test_a_drive_is_matched_to_whatever_osmnx_gives(graph, roads, tmp_path, osmnx):
     drive = whichroad.simulate_drive(roads, seed=2, length_m=800.0).drive
     answer = whichroad.match(drive, roads).to_arrow()
     osmnx.save_graphml(graph, tmp_path / "town.graphml")
@@ -114,7 +122,7 @@ def test_an_undirected_graph_is_driven_both_ways():
     assert RoadMap.from_edges(graph).arrays.edges.rule.tolist() == [0, 0]
 
 
-def test_damaged_graphml_is_refused_by_name_or_is_a_sound_map(graph, check, tmp_path):
+def test_damaged_graphml_is_refused_by_name_or_is_a_sound_map(graph, check, tmp_path, osmnx):
     whole = tmp_path / "town.graphml"
     osmnx.save_graphml(graph, whole)
     good = whole.read_bytes()
@@ -136,7 +144,7 @@ def test_damaged_graphml_is_refused_by_name_or_is_a_sound_map(graph, check, tmp_
     assert refused > 20
 
 
-def test_of_several_layers_that_with_the_lines_is_read(roads, tmp_path, graph):
+def test_of_several_layers_that_with_the_lines_is_read(roads, tmp_path, graph, osmnx):
     nodes, edges = osmnx.graph_to_gdfs(graph)
     edges = edges[["geometry", "oneway"]].reset_index()
     nodes[["geometry"]].to_file(tmp_path / "own.gpkg", layer="places")
