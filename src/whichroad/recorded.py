@@ -19,6 +19,7 @@ from .filter.lookback.history import is_full, new_history
 from .filter.state import (
     CLOCK,
     NO_EDGE,
+    WHEELS,
     Belief,
     Context,
     H,
@@ -40,6 +41,7 @@ from .lookback.path import BestChains, Chain, heaviest_chain, tidied
 from .lookback.smoothing import Lag, Past, entries_in_use, smooth
 from .observations import StartPose
 from .roadmap import RoadMap
+from .sensors.whole_scale import whole_scales
 from .settings import Settings, Vehicle, parameters
 from .workspace import Workspace, entries_of, without_states
 
@@ -219,7 +221,8 @@ def begin(
 ) -> tuple[int, Path]:  # fmt: skip
     """Begin from a pose or by a search over the map, where no fix starts the filter.
 
-    How late fixes are is known from the beginning.
+    How late fixes are, and scales of an odometer that are others throughout, are known from the
+    beginning.
 
     Args:
         roads: The map.
@@ -238,6 +241,9 @@ def begin(
     """
     if timeline.late > 0.0:
         assume_delay(belief.state[0].vetting.latency, timeline.late)
+    if timeline.mode == WHEELS:
+        vetting, scales = belief.state[0].vetting, whole_scales(timeline.epochs, roads.plane)
+        vetting.wheel_size.factor, vetting.turn_size.factor = scales
     if start is None and (coarse := start_of_coarse_fix(roads, timeline)) is not None:
         try:
             return search(

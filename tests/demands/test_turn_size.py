@@ -27,14 +27,14 @@ def ride() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return time, smooth, np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
 
 
-def driven(told: float) -> tuple[np.ndarray, list[str]]:
-    """Time, error of the place and its level after each fix, and what is named."""
+def readings() -> list[Observation]:
+    """Wheel speeds at 10 Hz, and fixes at 1 Hz."""
     time, place, heading = ride()
     rng = np.random.default_rng(2)
     speed = np.hypot(*np.gradient(place, 0.1, axis=0).T)
     rate = np.gradient(heading, 0.1)
     half = 0.5 * TRUE_WIDTH
-    readings: list[Observation] = [
+    found: list[Observation] = [
         WheelSpeed(1.6e9 + float(t), float(v - half * w), float(v + half * w))
         for t, v, w in zip(time, speed, rate, strict=True)
     ]
@@ -42,11 +42,17 @@ def driven(told: float) -> tuple[np.ndarray, list[str]]:
     for k in range(0, len(time), 10):
         slow = np.exp(-1.0 / 80.0) * slow + rng.normal(0.0, 0.15, 2)
         lat, lon = PLANE.to_geodetic(*(place[k] + slow + rng.normal(0.0, 0.5, 2)))
-        readings.append(GeoFix.with_sigma(1.6e9 + float(time[k]), float(lat), float(lon), SIGMA))
-    online = whichroad.Localizer(roads(), vehicle=whichroad.Vehicle(track_width=told))
+        found.append(GeoFix.with_sigma(1.6e9 + float(time[k]), float(lat), float(lon), SIGMA))
+    return sorted(found, key=lambda r: r.time)
+
+
+def driven(width: float) -> tuple[np.ndarray, list[str]]:
+    """Time, error of the place and its level after each fix, and what is named."""
+    place = ride()[1]
+    online = whichroad.Localizer(roads(), vehicle=whichroad.Vehicle(track_width=width))
     places = np.column_stack(roads().plane.from_geodetic(*PLANE.to_geodetic(*place.T)))
     rows = []
-    for reading in sorted(readings, key=lambda r: r.time):
+    for reading in readings():
         said = online.update(reading)
         if isinstance(reading, GeoFix) and said.answered:
             t = reading.time - 1.6e9
@@ -68,3 +74,18 @@ def test_a_right_track_width_is_not_blamed():
     (_, error, level), named = driven(TRUE_WIDTH)
     assert named == []
     assert (error < level).all()
+
+
+@pytest.mark.parametrize("told", [1.25, TRUE_WIDTH, 1.7])
+def test_of_a_recorded_drive_the_track_width_is_known_from_the_beginning(told: float):
+    car = whichroad.Vehicle(track_width=told)
+    result = whichroad.match(readings(), roads(), vehicle=car)
+    named = [one.what for one in result.diagnosis]
+    assert named == ["wheels: track width"] * (told != TRUE_WIDTH)
+    points, place = result.points, ride()[1]
+    x, y = PLANE.from_geodetic(points.lat.to_numpy(), points.lon.to_numpy())
+    seconds = (points.time - points.time.iloc[0]).dt.total_seconds()
+    row = np.clip(np.round(10.0 * seconds).astype(int), 0, len(place) - 1)
+    error = np.hypot(*(np.column_stack([x, y]) - place[row]).T)
+    assert np.quantile(error, 0.95) < 3.0 * SIGMA
+    assert (error < points.protection_level_m).all()

@@ -121,3 +121,19 @@ def test_a_receiver_that_is_pulled_along_is_no_other_wheel(pulled: float):
     answer = driven(readings(np.ones(len(ride().time)), pulled))
     assert "wheels: scale" not in answer.named
     assert answer.error.max() < 6.0
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.0, 1.25])
+def test_of_a_recorded_drive_the_size_is_known_from_the_beginning(factor: float):
+    result = whichroad.match(
+        readings(np.full(len(ride().time), factor)), roads(),
+        vehicle=whichroad.Vehicle(track_width=1.5),
+    )  # fmt: skip
+    assert [one.what for one in result.diagnosis] == ["wheels: scale"] * (factor != 1.0)
+    points = result.points
+    x, y = PLANE.from_geodetic(points.lat.to_numpy(), points.lon.to_numpy())
+    seconds = (points.time - points.time.iloc[0]).dt.total_seconds()
+    row = np.clip(np.round(10.0 * seconds).astype(int), 0, len(ride().place) - 1)
+    error = np.hypot(*(np.column_stack([x, y]) - ride().place[row]).T)
+    assert np.quantile(error, 0.95) < 3.0 * SIGMA
+    assert (error < points.protection_level_m).all()

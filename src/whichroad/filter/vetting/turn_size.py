@@ -18,7 +18,7 @@ _RATE_SIGMA = 0.03  # of what turns are said to be, relative
 
 
 @kernel
-def watch_turns(size: Record, windows: Record, scale: float, valid: bool) -> None:
+def watch_turns(size: Record, windows: Record, scale: float, valid: bool, anew: bool) -> None:
     """Take a fix that became an anchor; decide whether turns are measured by another scale.
 
     Args:
@@ -27,11 +27,14 @@ def watch_turns(size: Record, windows: Record, scale: float, valid: bool) -> Non
         windows: With its anchors.
         scale: Plane metres per true metre.
         valid: Whether turns were measured, and may be right but for their scale.
+        anew: Whether the odometer's scale, and with it that of wheels' turns, is another one now.
     """
     size.found = 0
     size.rate = 1.0
     size.rate_variance = _RATE_SIGMA * _RATE_SIGMA
-    if not valid:
+    if anew:
+        size.count = 0
+    if not valid or anew:
         size.begun = 0
         size.p = 0.0
         return

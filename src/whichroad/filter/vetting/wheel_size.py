@@ -39,7 +39,7 @@ WHEEL_SIZE = np.dtype(
         ("before", "f8"),  # the same at the fix before
         ("p", "f8"),  # P(the scale is another one)
         ("at", "f8", (3,)),  # the last fix: plane, plane, its sigma in m
-        ("found", "u1"),  # 1: with this fix it is
+        ("found", "u1"),  # 1: with this fix it is; 2: with this fix it was learnt otherwise
         ("factor", "f8"),  # what the scale was found to be, over what it was said to be
         ("time", "f8"),  # s, when it last was found; minus infinity: never
     ],
@@ -76,6 +76,7 @@ def watch_size(size: Record, epoch: Record, windows: Record, scale: float, valid
     sudden = abs(size.rate - size.before) > _JUMP * size.rate  # learnt by a misfit
     if sudden:
         size.count = 0
+        size.found = 2
     size.before = size.rate
     if not valid or sudden or size.rate_variance == math.inf:
         size.begun = 0
