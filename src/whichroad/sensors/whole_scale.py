@@ -70,12 +70,13 @@ def _scale(ratio: Array, error: Array) -> float:
     middle = float(np.median(ratio))
     off = np.abs(ratio - middle)
     spread = 1.48 * float(np.median(off)) / np.sqrt(len(ratio))
+    chance = 3.0 * float(np.median(error)) / np.sqrt(len(ratio) / _PARTS)
     parts = [float(np.median(part)) for part in np.array_split(ratio, _PARTS)]
     if (
         not _LEAST <= middle <= _MOST
         or abs(middle - 1.0) < max(_WORTH, _SURE * spread)
         or np.mean(off <= 3.0 * error + _LOOSE) < _AGREE
-        or max(abs(part - middle) for part in parts) > _LOOSE + 0.5 * abs(middle - 1.0)
+        or max(abs(part - middle) for part in parts) > _LOOSE + 0.5 * abs(middle - 1.0) + chance
     ):
         return 1.0
     return middle
