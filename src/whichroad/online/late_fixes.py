@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..filter.state import CLOCK, H, K
+from ..filter.state import WHEELS, H, K
 from .epoch_filter import EpochFilter
 
 
@@ -21,7 +21,7 @@ class Since(NamedTuple):
 def motion_since(now: EpochFilter, time: float) -> Since:
     """What the vehicle has moved by since a time that is past, as the odometry measured it.
 
-    Without odometry it is taken to have kept its speed and heading.
+    Where no turns are measured it is taken to have kept its speed and heading.
 
     Args:
         now: The filter, which has hypotheses.
@@ -31,10 +31,9 @@ def motion_since(now: EpochFilter, time: float) -> Since:
     top, state = hyp[int(np.argmax(hyp["weight"]))], now.belief.state[0]
     heading, scale = float(top["mu"][H]), float(state["scale"])
     sigma = math.sqrt(float(top["cov"][H, H]))
-    if now.mode == CLOCK:
-        way = now.speed * (now.time - time)
-        x, y = way * math.cos(heading), way * math.sin(heading)
-        return Since(scale * x, scale * y, 0.0, sigma * abs(way))
+    if now.mode != WHEELS:
+        way = scale * now.speed * (now.time - time)
+        return Since(way * math.cos(heading), way * math.sin(heading), 0.0, 0.0)
     before, here = _reckoned(now, time), state["vetting"]["latency"]["here"]
     by, turn = heading - float(here[3]), float(here[3]) - before[2]
     c, s = float(top["mu"][K]) * math.cos(by), float(top["mu"][K]) * math.sin(by)

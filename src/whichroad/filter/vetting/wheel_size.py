@@ -59,6 +59,7 @@ _LONGEST_PULL = 90.0  # s tell another scale from a receiver that is pulled alon
 _MOST = 0.4  # change of a scale, relative,
 _JUMP = 0.02  # and what is none that is learnt by and by
 _FITS = 2.5  # sigmas
+_OTHER = 0.05  # from which on a learnt scale is no usual one
 
 
 @kernel
@@ -151,7 +152,8 @@ def forget_size(size: Record) -> None:
 def mend_size(size: Record, turns: Record, reading: Record) -> None:
     """Multiply what the odometry has measured by what its scale was found to be.
 
-    Where the difference of two wheels is the turn, it is too large by as much as their ways.
+    Where the difference of two wheels is the turn, it is too large by as much as their ways.  A
+    scale that is learnt to be an unusual one is a size of the wheels, too.
 
     Args:
         size: With the factor.
@@ -164,7 +166,9 @@ def mend_size(size: Record, turns: Record, reading: Record) -> None:
         reading.left *= size.factor
     by = turns.factor
     if reading.gyro == BY_WHEELS:
-        by *= size.factor * size.rate
+        by *= size.factor
+        if abs(size.rate - 1.0) > _OTHER:
+            by *= size.rate
     if by != 1.0:
         reading.turn *= by
         reading.left *= by
