@@ -243,7 +243,7 @@ def begin(
         assume_delay(belief.state[0].vetting.latency, timeline.late)
     if timeline.mode == WHEELS:
         vetting, scales = belief.state[0].vetting, whole_scales(timeline.epochs, roads.plane)
-        vetting.wheel_size.factor, vetting.turn_size.factor = scales
+        vetting.wheel_size.scale.factor, vetting.turn_size.scale.factor = scales
     if start is None and (coarse := start_of_coarse_fix(roads, timeline)) is not None:
         try:
             return search(

@@ -116,7 +116,7 @@ def _scale(belief: Belief, state: Any) -> tuple[Learnt, ...]:
         mean, variance = (float(one) for one in state["known_rate"][0])
     if variance <= _NEVER:
         return ()
-    factor = float(state["vetting"]["wheel_size"]["factor"][0])
+    factor = float(state["vetting"]["wheel_size"]["scale"]["factor"][0])
     return (Learnt("scale", factor * mean, factor * math.sqrt(variance), "m/m"),)
 
 

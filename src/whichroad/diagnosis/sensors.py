@@ -61,10 +61,10 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
                 "yaw rate's unit",
             )
         )  # fmt: skip
-    size = vetting.wheel_size
-    if abs(size.factor - 1.0) > _SIZE or abs(size.factor * size.rate - 1.0) > _LEARNT_SIZE:
-        found.append(_scale(size))
-    if abs(vetting.turn_size.factor - 1.0) > _TURNS:
+    ways = vetting.wheel_size.scale
+    if abs(ways.factor - 1.0) > _SIZE or abs(ways.factor * ways.rate - 1.0) > _LEARNT_SIZE:
+        found.append(_scale(ways))
+    if abs(vetting.turn_size.scale.factor - 1.0) > _TURNS:
         found.append(_turn_scale(vetting))
     if vetting.turnabouts > 0:
         found.append(_column(BACKWARDS))
@@ -213,12 +213,12 @@ def _distance(vetting: Record) -> Finding:
     )  # fmt: skip
 
 
-def _scale(size: Record) -> Finding:
+def _scale(ways: Record) -> Finding:
     """An odometer whose scale was found to be another one."""
-    metres = float(size.factor * size.rate)
+    metres = float(ways.factor * ways.rate)
     when = ""
-    if size.time > -math.inf:
-        when = f", as found at {datetime.fromtimestamp(float(size.time), UTC):%H:%M:%S} UTC"
+    if ways.time > -math.inf:
+        when = f", as found at {datetime.fromtimestamp(float(ways.time), UTC):%H:%M:%S} UTC"
     return Finding(
         "wheels: scale", "warning", metres, 1.0 - _SIZE, 1.0 + _SIZE,
         f"one metre by the odometer is {metres:.3f} m by the fixes{when}, and is taken for that; "
@@ -228,7 +228,7 @@ def _scale(size: Record) -> Finding:
 
 def _turn_scale(vetting: Record) -> Finding:
     """Turns whose scale was found to be another one."""
-    gain = float(vetting.turn_size.factor)
+    gain = float(vetting.turn_size.scale.factor)
     name, advice = "gyro: scale", "correct the yaw rate's scale"
     if vetting.steered == BY_WHEELS:
         name = "wheels: track width"

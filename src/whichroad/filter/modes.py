@@ -21,8 +21,9 @@ from .vetting.motion_sources import (
     is_possible,
 )
 from .vetting.repeats import is_repeated
+from .vetting.scales import forget_scale
 from .vetting.vet import mode_of, refuse_standing, vet
-from .vetting.wheel_size import forget_size, mend_size
+from .vetting.wheel_size import mend_scales
 from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
 _IN_GAP = 0.3  # P(it has driven round corners unseen, or stopped) in a gap of all sensors
@@ -134,13 +135,13 @@ def _start_elsewhere(belief: Belief, par: Record, epoch: Record, surely: bool) -
 def _take_scale(belief: Belief, par: Record, epoch: Record) -> None:
     """Odometry is multiplied by another number from now on; where that has moved it, start anew."""
     state = belief.state[0]
-    size = state.vetting.wheel_size
-    size.found = 0
-    state.known_rate[0] = size.rate
-    state.known_rate[1] = size.rate_variance
+    scale = state.vetting.wheel_size.scale
+    scale.found = 0
+    state.known_rate[0] = scale.rate
+    state.known_rate[1] = scale.rate_variance
     state.vetting.windows.count = 0
     for i in range(state.count):
-        redraw(belief.hyp[i], K, size.rate, size.rate_variance)
+        redraw(belief.hyp[i], K, scale.rate, scale.rate_variance)
     _start_elsewhere(belief, par, epoch, False)
 
 
@@ -150,14 +151,15 @@ def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> No
     vetting = belief.state[0].vetting
     if vetting.latency.found == 1:
         vetting.latency.found = 0
-        forget_size(vetting.wheel_size)
-        forget_size(vetting.turn_size)
+        forget_scale(vetting.wheel_size.scale)
+        forget_scale(vetting.turn_size.scale)
+        vetting.wheel_size.begun = vetting.turn_size.begun = 0
         _start_elsewhere(belief, par, epoch, True)
-    if vetting.turn_size.found == 1:
-        vetting.turn_size.found = 0
+    if vetting.turn_size.scale.found == 1:
+        vetting.turn_size.scale.found = 0
         vetting.windows.count = 0
         _start_elsewhere(belief, par, epoch, False)
-    if vetting.wheel_size.found == 1:
+    if vetting.wheel_size.scale.found == 1:
         _take_scale(belief, par, epoch)
     if vetting.exposed == 1:
         vetting.exposed = 0
@@ -185,9 +187,9 @@ def _pass_pose(belief: Belief, par: Record) -> None:
     """Tell the latency which way the vehicle heads, and the odometer's scale."""
     state = belief.state[0]
     latency = state.vetting.latency
-    size = state.vetting.wheel_size
+    scale = state.vetting.wheel_size.scale
     latency.heading[1] = math.inf
-    size.rate_variance = math.inf
+    scale.rate_variance = math.inf
     if state.mode == CLOCK or state.count == 0:
         return
     top = belief.hyp[most_probable(belief)]
@@ -196,8 +198,8 @@ def _pass_pose(belief: Belief, par: Record) -> None:
     latency.heading[0] = top.mu[H]
     latency.heading[1] = top.cov[H, H]
     latency.rate = top.mu[K]
-    size.rate = top.mu[K]
-    size.rate_variance = top.cov[K, K]
+    scale.rate = top.mu[K]
+    scale.rate_variance = top.cov[K, K]
     latency.antenna[0] = par.lever[0]
     latency.antenna[1] = par.lever[1]
 
@@ -219,7 +221,8 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
     vetting.seen[TURN] = 0.0
     vetting.drift = 0.0
     vetting.windows.count = 0  # turns until now were those of the other one
-    forget_size(vetting.turn_size)
+    forget_scale(vetting.turn_size.scale)
+    vetting.turn_size.begun = 0
     state.known_drift[0] = state.known_drift[1] = 0.0
     if state.mode == WHEELS and state.count > 0:
         history.since[0].switched = 1
@@ -299,7 +302,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     state = belief.state[0]
     par = ctx.par[0]
     copy_record(reading, epoch)
-    mend_size(state.vetting.wheel_size, state.vetting.turn_size, reading)
+    mend_scales(state.vetting.wheel_size.scale, state.vetting.turn_size.scale, reading)
     if par.paper:
         state.mode = par.mode
         return reading

@@ -1,6 +1,6 @@
 """Scales of an odometer and of its turns over a whole recorded drive, by the fixes.
 
-On line a wrong one is found out while driving (`filter.vetting.wheel_size`, `turn_size`).  Of a
+On line a wrong one is found out while driving (`filter.vetting.scales`).  Of a
 recorded drive it is known before it begins, where it is the same throughout.
 """
 
@@ -101,18 +101,21 @@ def _cuts(
     drive: _Drive, shortest: float, times: tuple[float, float], straight: float
 ) -> NDArray[np.int64]:
     """First and last fixes of chords, one after the other, (k, 2)."""
-    found, first = [], 0
-    for last in range(1, len(drive.time)):
-        seconds = drive.time[last] - drive.time[first]
-        x, y = drive.reckoned[last] - drive.reckoned[first]
-        chord = float(np.hypot(x, y))
-        bent = chord < straight * (drive.way[last] - drive.way[first])
-        if drive.gaps[last] > drive.gaps[first] or seconds > times[1] or bent:
-            first = last
-        elif chord >= shortest and seconds >= times[0]:
-            found.append((first, last))
-            first = last
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    n = len(drive.time)
+    soonest = np.maximum(
+        np.searchsorted(drive.way, drive.way + shortest),
+        np.searchsorted(drive.time, drive.time + times[0]),
+    ).tolist()
+    cuts = [0]
+    while cuts[-1] < n and soonest[cuts[-1]] < n:
+        cuts.append(soonest[cuts[-1]])
+    first, last = np.array(cuts[:-1], np.int64), np.array(cuts[1:], np.int64)
+    chord = np.hypot(*(drive.reckoned[last] - drive.reckoned[first]).T)
+    seconds = drive.time[last] - drive.time[first]
+    good = (chord >= straight * (drive.way[last] - drive.way[first])) & (seconds <= times[1])
+    good &= drive.gaps[last] == drive.gaps[first]
+    found: NDArray[np.int64] = np.column_stack([first, last])[good]
+    return found
 
 
 def _chords(drive: _Drive) -> tuple[Array, Array]:

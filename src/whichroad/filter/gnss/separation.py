@@ -10,7 +10,7 @@ solution separation of ARAIM, Blanch et al. 2015, does), and hypotheses live at 
 
 import math
 
-from ..._compile import Record, Vector, kernel
+from ..._compile import Record, kernel
 from ..hypotheses.births import Start, cold_start
 from ..motion import GYRO_PACE, Increment, predict_plane, wheel_noise
 from ..records import COPIES
@@ -345,17 +345,19 @@ def cover_fixes(state: Record, out: Record, risk: float) -> None:
     beside = state.separation.unmapped
     if beside.p <= risk:
         return
-    sigma = beside.sigma * math.sqrt(2.0 * math.log(beside.p / risk))
-    _cover(state, out, beside.at, sigma)
-    _cover(state, out, beside.road, sigma)
+    _cover(state, out, (beside.at[0], beside.at[1]), beside.p, beside.sigma, risk)
+    _cover(state, out, (beside.road[0], beside.road[1]), beside.p, beside.sigma, risk)
 
 
 @kernel(inline=True)
-def _cover(state: Record, out: Record, place: Vector, sigma: float) -> None:
-    """Let an estimate cover one of the two places, and as much about it."""
+def _cover(
+    state: Record, out: Record, place: tuple[float, float], p: float, sigma: float, risk: float
+) -> None:
+    """Let an estimate cover a place (plane) of a probability, and as much about it as it errs."""
     dx = (place[0] - out.x) / state.scale
     dy = (place[1] - out.y) / state.scale
-    cover_place(out, dx, dy, state.separation.unmapped.p, (sigma, sigma, sigma))
+    beyond = sigma * math.sqrt(2.0 * math.log(p / risk))
+    cover_place(out, dx, dy, p, (beyond, beyond, beyond))
 
 
 @kernel(inline=True)
@@ -368,10 +370,6 @@ def cover_scale(state: Record, out: Record, risk: float) -> None:
         risk: Of the level.
     """
     size = state.vetting.wheel_size
-    p = max(size.p, state.vetting.turn_size.p)
-    if p <= risk:
-        return
-    dx = (size.at[0] - out.x) / state.scale
-    dy = (size.at[1] - out.y) / state.scale
-    sigma = size.at[2] * math.sqrt(2.0 * math.log(p / risk))
-    cover_place(out, dx, dy, p, (sigma, sigma, sigma))
+    p = max(size.scale.p, state.vetting.turn_size.scale.p)
+    if p > risk:
+        _cover(state, out, (size.at[0], size.at[1]), p, size.at[2], risk)

@@ -77,12 +77,8 @@ def _predict_off_road(hyp: Record, state: Record, fix: SparseFix) -> None:
     decay(mean, cov, K, mean[K], process.keep, SPEED_SIGMA * SPEED_SIGMA)
     speed = way / fix.dt
     noise = 2.0 * (fix.jitter / fix.dt) ** 2 + (_CHORD * speed) ** 2 + 1.0
-    redraw(
-        hyp,
-        K,
-        mean[K] + cov[K, K] / (cov[K, K] + noise) * (speed - mean[K]),
-        cov[K, K] * noise / (cov[K, K] + noise),
-    )
+    gain = cov[K, K] / (cov[K, K] + noise)
+    redraw(hyp, K, mean[K] + gain * (speed - mean[K]), gain * noise)
     hyp.stood = 0.0
 
 

@@ -7,7 +7,9 @@ import numpy as np
 from ..._compile import Record, kernel
 from .latency import LATENCY, clear_latency
 from .repeats import REPEATS
-from .wheel_size import WHEEL_SIZE, forget_size
+from .scales import forget_scale
+from .turn_size import TURN_SIZE
+from .wheel_size import WHEEL_SIZE
 from .windows import WINDOWS
 
 ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
@@ -89,7 +91,7 @@ VETTING = np.dtype(
         ("apart", "u1"),  # 1: fixes and motion disagree, and either may be wrong
         ("latency", LATENCY),
         ("wheel_size", WHEEL_SIZE),  # the odometer's scale,
-        ("turn_size", WHEEL_SIZE),  # and that of its turns
+        ("turn_size", TURN_SIZE),  # and that of its turns
         ("repeats", REPEATS),  # fixes that only repeat a place
     ],
     align=True,
@@ -129,10 +131,11 @@ _SOUND_WAY = 2000.0  # m, after which relapses are forgotten
 def clear(vetting: Record) -> None:
     """Begin: nothing was seen, and everything is believed."""
     clear_latency(vetting.latency)
-    vetting.wheel_size.rate_variance = math.inf
-    vetting.wheel_size.rate = 1.0
-    forget_size(vetting.wheel_size)
-    forget_size(vetting.turn_size)
+    vetting.wheel_size.scale.rate_variance = math.inf
+    vetting.wheel_size.scale.rate = 1.0
+    vetting.wheel_size.before = 1.0
+    forget_scale(vetting.wheel_size.scale)
+    forget_scale(vetting.turn_size.scale)
     vetting.rolled = _ROLLED
     vetting.impossible_at = -math.inf
     vetting.pace = -1.0

@@ -92,7 +92,8 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     watch_size(vetting.wheel_size, epoch, windows, scale, sound)
     if not kept:
         return
-    watch_turns(vetting.turn_size, windows, scale, sound, vetting.wheel_size.found > 0)
+    anew = vetting.wheel_size.sudden or vetting.wheel_size.scale.found
+    watch_turns(vetting.turn_size, windows, scale, sound, anew)
     if leg.seconds > 0.0:
         seen = weigh_leg(vetting, leg, sensors)
         _decide(vetting)
