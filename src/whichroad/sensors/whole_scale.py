@@ -25,7 +25,7 @@ _LEAST, _MOST = 0.6, 1.6  # beyond is another unit, or a counter that is broken
 _LOOSE, _ERROR = 0.02, 0.5  # of a ratio; m, of a chord beside what fixes report
 _AGREE = 0.8  # share of the ratios that must agree with the middle one
 _PARTS = 4  # of the drive, none of which may tell otherwise
-_SURE = 5.0  # times the error of the middle one
+_SURE = 4.0  # times the error of the middle one
 
 
 class Scales(NamedTuple):
@@ -69,8 +69,9 @@ def _scale(ratio: Array, error: Array) -> float:
         return 1.0
     middle = float(np.median(ratio))
     off = np.abs(ratio - middle)
-    spread = 1.48 * float(np.median(off)) / np.sqrt(len(ratio))
-    chance = 3.0 * float(np.median(error)) / np.sqrt(len(ratio) / _PARTS)
+    usual = float(np.median(error))
+    spread = max(1.48 * float(np.median(off)), 1.25 * usual) / np.sqrt(len(ratio))
+    chance = 3.0 * usual / np.sqrt(len(ratio) / _PARTS)
     parts = [float(np.median(part)) for part in np.array_split(ratio, _PARTS)]
     if (
         not _LEAST <= middle <= _MOST
