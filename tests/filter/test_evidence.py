@@ -44,11 +44,26 @@ def heard(belief, *rows: dict, mode: int = WHEELS, **about) -> None:
 PLACE = {"x": 35.0, "y": -22.0, "arm": (1.2, -0.4)}
 ROWS = {
     "heading": {"kind": kinds.HEADING, "value": 0.3},
+    "heading with an error that stays": {"kind": kinds.HEADING, "value": 0.3, "bias": 0.01},
     "speed": {"kind": kinds.SPEED, "value": 9.0},
     "lateral": {"kind": kinds.LATERAL, "value": 0.5},
     "position": {"kind": kinds.POSITION, "axis": 0.4, **PLACE},
     "range": {"kind": kinds.RANGE, "value": 40.0, **PLACE},
     "range to the map": {"kind": kinds.RANGE, "value": 40.0, "on_map": 1, **PLACE},
+    "range with an error that stays": {
+        "kind": kinds.RANGE,
+        "value": 40.0,
+        "bias": 0.1,
+        **PLACE,
+    },
+    "bearing with one": {
+        "kind": kinds.BEARING,
+        "value": -0.4,
+        "relative": 1,
+        "bias": 0.01,
+        **PLACE,
+    },
+    "offset with one": {"kind": kinds.LATERAL, "value": 0.5, "bias": 0.1},
     "bearing": {"kind": kinds.BEARING, "value": -0.4, "relative": 1, **PLACE},
     "bearing from north": {"kind": kinds.BEARING, "value": -0.4, "on_map": 1, **PLACE},
 }

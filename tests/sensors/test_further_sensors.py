@@ -210,8 +210,10 @@ GIVEN = {
     "second receiver": (sensors.SecondReceiver(sigma_m=3.0),
                         sensors.Position(49.4, 8.7, 3.0, lasts_s=80.0)),
     "compass": (Compass(declination_deg=15.0), Heading(5.0, 5.0, lasts_m=300.0)),
-    "dual antenna": (sensors.DualAntenna(mounted_deg=90.0), Heading(350.0, 0.5, lasts_s=5.0)),
-    "ranging": (sensors.Ranging({7: (49.41, 8.71)}), Range(49.41, 8.71, RANGE_M, 1.0)),
+    "dual antenna": (sensors.DualAntenna(mounted_deg=90.0),
+                     Heading(350.0, 0.5, lasts_s=5.0, bias_sigma=2.0)),
+    "ranging": (sensors.Ranging({7: (49.41, 8.71)}),
+                Range(49.41, 8.71, RANGE_M, 1.0, bias_sigma=0.3)),
     "camera": (sensors.LaneCamera(), sensors.Lateral(1.5, 0.5, lasts_m=50.0)),
     "sky": (sensors.Sky(), Attribute("tunnel", {True: 0.95}, 0.03, lasts_s=20.0)),
 }  # fmt: skip

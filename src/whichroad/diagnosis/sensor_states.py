@@ -12,6 +12,7 @@ from ..filter.state import CLOCK, WHEELS, B, Belief, K
 from ..filter.vetting.motion_sources import ARC, COURSE, SPEED, TURN, is_possible
 from ..filter.vetting.windows import BY_WHEELS
 from ..geodesy.angles import degrees
+from .further_sensors import bias_of
 
 GNSS, DISTANCE, TURNS = "gnss", "distance", "turn"
 _NEVER = 1e-12  # variance of a state that was not learnt
@@ -69,7 +70,8 @@ def states_of(
     ]  # fmt: skip
     further = [
         SensorState(
-            name, ("readings",) if one["refused"] else (), int(one["misfits"]), int(one["withheld"])
+            name, ("readings",) if one["refused"] else (), int(one["misfits"]),
+            int(one["withheld"]), _bias(*bias_of(one)),
         )
         for name, one in zip(names, state["sensors"][0], strict=False)
     ]  # fmt: skip
@@ -106,6 +108,11 @@ def _errors(state: Any) -> tuple[Learnt, ...]:
     if factor <= 0.0:
         return ()
     return (Learnt("errors", math.sqrt(factor), None, "times what is reported"),)
+
+
+def _bias(value: float, sigma: float, own: float, unit: str) -> tuple[Learnt, ...]:
+    """What a further sensor always measures too much."""
+    return (Learnt("bias", value, sigma, unit),) if own > 0.0 else ()
 
 
 def _scale(belief: Belief, state: Any) -> tuple[Learnt, ...]:

@@ -41,6 +41,7 @@ BESIDE = 0.5  # s from a fix, up to which a reading comes with it
 BETWEEN = "reading of a sensor between sparse fixes"
 _FARTHEST = 1e6  # m, of a range
 _HEIGHTS = "heights over the ground"  # beside the attributes
+_STAYS = 600.0  # s for which an error that stays, and is not learnt, is taken to last
 _NEVER = 1e-6  # least likelihood of an attribute, over the largest
 
 
@@ -59,6 +60,7 @@ class Sensed:
         self.sensors, self.roads = checked(sensors), roads
         self.skipped: dict[str, int] = {}  # reason -> readings or rows
         self.lasting = Lasting()
+        self._biased: tuple[int, str] | None = None  # whose error that stays is learnt
         self._heard: set[str] = set()  # sensors of which there was a reading
         self._attributes: dict[str, dict[Any, int]] = {}  # column -> class of each value
         self._classes = NO_EVIDENCE.classes
@@ -170,12 +172,14 @@ class Sensed:
 
     def kept(self) -> list[Any]:
         """All that it remembers, as numbers and text."""
-        return [self.lasting.kept(), [[k, *gains.kept()] for k, gains in self._gains.items()]]
+        gains = [[k, *gains.kept()] for k, gains in self._gains.items()]
+        return [self.lasting.kept(), self._biased, gains]
 
     def restore(self, kept: list[Any]) -> None:
         """Remember that and nothing else."""
         self.lasting.restore(kept[0])
-        for number, *gains in kept[1]:
+        self._biased = None if kept[1] is None else (int(kept[1][0]), str(kept[1][1]))
+        for number, *gains in kept[2]:
             self._gains_of(int(number)).restore(gains)
 
     def _gains_of(self, number: int) -> Gains:
@@ -208,7 +212,8 @@ class Sensed:
                 "whichroad.sensors was expected"
             )
         made, name = make(self, evidence, place), self.sensors[number].name
-        if not all(map(math.isfinite, (made.value, *made.sigmas))) or min(made.sigmas) <= 0.0:
+        numbers = (made.value, made.bias, *made.sigmas)
+        if not all(map(math.isfinite, numbers)) or min(made.sigmas) <= 0.0 or made.bias < 0.0:
             self._skip(f"{name}: impossible value or sigma")
             return None
         kind, where = type(evidence).__name__, (0.0, 0.0)
@@ -221,13 +226,19 @@ class Sensed:
             column = list(self._attributes).index(_HEIGHTS)
             made = made._replace(column=column, log_likelihood=(*gains, 0.0))
         lasts = (evidence.lasts_s, evidence.lasts_m)
+        if made.bias > 0.0:
+            self._biased = self._biased or (number, kind)
+            if self._biased != (number, kind):  # it is not learnt
+                lasts = (max(evidence.lasts_s, _STAYS), evidence.lasts_m)
+                sigma = math.hypot(made.sigmas[0], made.bias)
+                made = made._replace(sigmas=(sigma, sigma), bias=0.0)
         share = self.lasting.share((number, kind, *where), time, metres, lasts)
         if share == 0.0:  # nothing new since the reading before
             return None
         return (
-            made.kind, number, made.value, tuple(sigma * sigma for sigma in made.sigmas), share,
-            made.axis, *made.at, made.arm, made.on_map, made.relative, made.column,
-            tuple(share * one for one in made.log_likelihood),
+            made.kind, number, made.value, tuple(sigma * sigma for sigma in made.sigmas),
+            made.bias**2, share, made.axis, *made.at, made.arm, made.on_map, made.relative,
+            made.column, tuple(share * one for one in made.log_likelihood),
         )  # fmt: skip
 
     def class_of(self, name: str, value: Any) -> tuple[int, int]:
@@ -266,6 +277,7 @@ class _Made(NamedTuple):
     kind: int
     value: float = 0.0
     sigmas: tuple[float, float] = (1.0, 1.0)
+    bias: float = 0.0
     axis: float = 0.0
     at: tuple[float, float] = (0.0, 0.0)
     arm: tuple[float, float] = (0.0, 0.0)
@@ -289,7 +301,8 @@ def _numbers(reading: SensorReading, columns: Sequence[str]) -> dict[str, float]
 def _heading(sensed: Sensed, one: Heading, place: tuple[float, ...]) -> _Made:
     turn = sensed.roads.plane.convergence(place[0], place[1])
     sigma = radians(one.sigma_deg)
-    return _Made(kinds.HEADING, heading_of(one.bearing_deg, turn), (sigma, sigma))
+    value, bias = heading_of(one.bearing_deg, turn), radians(one.bias_sigma)
+    return _Made(kinds.HEADING, value, (sigma, sigma), bias)
 
 
 def _speed(sensed: Sensed, one: Speed, place: tuple[float, ...]) -> _Made:
@@ -297,7 +310,7 @@ def _speed(sensed: Sensed, one: Speed, place: tuple[float, ...]) -> _Made:
 
 
 def _lateral(sensed: Sensed, one: Lateral, place: tuple[float, ...]) -> _Made:
-    return _Made(kinds.LATERAL, one.offset_m, (one.sigma_m, one.sigma_m))
+    return _Made(kinds.LATERAL, one.offset_m, (one.sigma_m, one.sigma_m), one.bias_sigma)
 
 
 def _position(sensed: Sensed, one: Position, place: tuple[float, ...]) -> _Made:
@@ -309,14 +322,14 @@ def _position(sensed: Sensed, one: Position, place: tuple[float, ...]) -> _Made:
         sigmas = (max(major, LEAST_SIGMA), max(minor, LEAST_SIGMA))
         axis = angle + sensed.roads.plane.convergence(x, y)
     value = 0.0 * (x + y)  # not finite where the place is not
-    return _Made(kinds.POSITION, value, sigmas, axis, (x, y), (one.forward_m, one.left_m))
+    return _Made(kinds.POSITION, value, sigmas, 0.0, axis, (x, y), (one.forward_m, one.left_m))
 
 
 def _range(sensed: Sensed, one: Range, place: tuple[float, ...]) -> _Made:
     at = sensed.roads.plane.from_geodetic(float(one.lat_deg), float(one.lon_deg))
     value = one.distance_m if 0.0 <= one.distance_m <= _FARTHEST else math.nan
     return _Made(
-        kinds.RANGE, value + 0.0 * sum(at), (one.sigma_m, one.sigma_m), at=at,
+        kinds.RANGE, value + 0.0 * sum(at), (one.sigma_m, one.sigma_m), one.bias_sigma, at=at,
         arm=(one.forward_m, one.left_m), on_map=one.on_map,
     )  # fmt: skip
 
@@ -328,7 +341,7 @@ def _bearing(sensed: Sensed, one: Bearing, place: tuple[float, ...]) -> _Made:
     if not one.relative:
         value = heading_of(one.bearing_deg, sensed.roads.plane.convergence(*at))
     return _Made(
-        kinds.BEARING, value + 0.0 * sum(at), (sigma, sigma), at=at,
+        kinds.BEARING, value + 0.0 * sum(at), (sigma, sigma), radians(one.bias_sigma), at=at,
         arm=(one.forward_m, one.left_m), on_map=one.on_map, relative=one.relative,
     )  # fmt: skip
 

@@ -12,7 +12,7 @@ hypothesis, in this order:
     MX, MY   map-minus-world offset, m
     GX, GY   GNSS bias in units of the reported ellipse (zero mean, unit variance)
     U        driven beyond what was extrapolated while wheels are silent, m (`silent_wheels`)
-    V        a spare slow state: zero, with zero variance
+    V        error of one further sensor that stays, rad or m (`evidence.observe`); else zero
 
 X and Y are in plane units and everything else, covariance included, in true metres: a
 displacement of v metres moves X, Y by k v, with k the plane's local scale.

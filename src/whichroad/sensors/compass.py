@@ -17,13 +17,16 @@ class Compass:
     columns: tuple[str, ...] = ("compass_deg",)
     declination_deg: float = 0.0  # of the needle, east of true north; `declination` knows it
     sigma_deg: float = 5.0
+    bias_sigma_deg: float = 0.0  # sigma of what stays: mounting, a declination that is not known
     lasts_m: float = 300.0  # iron of the vehicle errs by its direction, that of streets by place
 
     def rows(self, reading: Mapping[str, float]) -> list[Heading]:
         """The bearing from true north."""
         (column,) = self.columns
         bearing = wrap_bearing(reading[column] + self.declination_deg)
-        return [Heading(bearing, self.sigma_deg, lasts_m=self.lasts_m)]
+        return [
+            Heading(bearing, self.sigma_deg, lasts_m=self.lasts_m, bias_sigma=self.bias_sigma_deg)
+        ]
 
 
 def declination(lat_deg: float, lon_deg: float, time: float) -> float:

@@ -14,6 +14,7 @@ class DualAntenna:
     name: str = "dual_antenna"
     columns: tuple[str, ...] = ("antennas_deg", "antennas_sigma_deg")
     mounted_deg: float = 0.0  # of that line, clockwise from the vehicle's axis
+    bias_sigma_deg: float = 2.0  # how surely that is known; the rest is learnt
     sigma_deg: float = 0.5  # where no column says it
     lasts_s: float = 5.0
 
@@ -23,4 +24,5 @@ class DualAntenna:
         if bearing is None:
             return []
         sigma = self.sigma_deg if sigma is None else sigma
-        return [Heading(wrap_bearing(bearing - self.mounted_deg), sigma, lasts_s=self.lasts_s)]
+        bearing = wrap_bearing(bearing - self.mounted_deg)
+        return [Heading(bearing, sigma, lasts_s=self.lasts_s, bias_sigma=self.bias_sigma_deg)]

@@ -10,8 +10,9 @@ reading into evidence.  It touches neither the filter nor its kernels:
             return [Heading(reading["compass_deg"], sigma_deg=5.0, lasts_s=60.0)]
 
 Every kind has the sigma of its error, and the time or the distance over which the error lasts: a
-reading soon after another one says little that is new.  Angles are in degrees here, bearings
-clockwise from true north.
+reading soon after another one says little that is new.  Of one sensor, the first that is heard with
+one, the error that stays is learnt; for others it widens the error that lasts.  Angles are in
+degrees here, bearings clockwise from true north.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,8 +26,13 @@ class _Evidence:
     lasts_m: float = 0.0  # m driven over which it lasts
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Biased(_Evidence):
+    bias_sigma: float = 0.0  # sigma of an error that stays, in the value's unit; 0: there is none
+
+
 @dataclass(frozen=True, slots=True)
-class Heading(_Evidence):
+class Heading(_Biased):
     """Where the vehicle points: a compass, two antennas.  In reverse it points backwards."""
 
     bearing_deg: float  # clockwise from true north
@@ -42,7 +48,7 @@ class Speed(_Evidence):
 
 
 @dataclass(frozen=True, slots=True)
-class Lateral(_Evidence):
+class Lateral(_Biased):
     """Offset from the road's centre line on the map, right of the driving direction positive."""
 
     offset_m: float
@@ -62,7 +68,7 @@ class Position(_Evidence):
 
 
 @dataclass(frozen=True, slots=True)
-class Range(_Evidence):
+class Range(_Biased):
     """Horizontal distance to a place that is known."""
 
     lat_deg: float  # of the place
@@ -75,7 +81,7 @@ class Range(_Evidence):
 
 
 @dataclass(frozen=True, slots=True)
-class Bearing(_Evidence):
+class Bearing(_Biased):
     """Direction in which a known place is seen."""
 
     lat_deg: float

@@ -17,8 +17,14 @@ class LaneCamera:
     columns: tuple[str, ...] = ("lane_offset_m",)
     sigma_m: float = 0.5  # the camera's and that of the line on the map
     lasts_m: float = 50.0
+    bias_sigma_m: float = 0.0  # how surely it is known where it is mounted; the rest is learnt
 
     def rows(self, reading: Mapping[str, float]) -> list[Lateral]:
         """The offset."""
         (column,) = self.columns
-        return [Lateral(reading[column], self.sigma_m, lasts_m=self.lasts_m)]
+        return [
+            Lateral(
+                reading[column], self.sigma_m, lasts_m=self.lasts_m,
+                bias_sigma=self.bias_sigma_m,
+            )
+        ]  # fmt: skip

@@ -18,6 +18,7 @@ class Ranging:
     columns: tuple[str, ...] = ("range_to", "range_m")
     sigma_m: float = 1.0
     lasts_s: float = 0.0
+    bias_sigma_m: float = 0.3  # sigma of what all are too long or too short by; it is learnt
     on_map: bool = False
     forward_m: float = 0.0  # of the sensor, from the middle of the rear axle
     left_m: float = 0.0
@@ -31,6 +32,6 @@ class Ranging:
         return [
             Range(
                 *point, metres, self.sigma_m, on_map=self.on_map, forward_m=self.forward_m,
-                left_m=self.left_m, lasts_s=self.lasts_s,
+                left_m=self.left_m, lasts_s=self.lasts_s, bias_sigma=self.bias_sigma_m,
             )
         ]  # fmt: skip

@@ -24,6 +24,7 @@ EVIDENCE = np.dtype(
         ("sensor", "i4"),  # 0 ... SENSORS - 1
         ("value", "f8"),  # heading or bearing, rad; speed, m/s; offset from the line or range, m
         ("variance", "f8", (2,)),  # of the value; of a position along and across its major axis
+        ("bias", "f8"),  # variance of its error that stays: the state V; 0: it has none
         ("share", "f8"),  # of the reading that is new: its error lasts (sensors.lasting)
         ("axis", "f8"),  # heading of that axis, rad
         ("x", "f8"),  # the position itself, or the place that a range or bearing is to, plane
@@ -43,6 +44,8 @@ SENSOR = np.dtype(
         ("misfits", "f8"),  # of them, those that fitted no hypothesis
         ("score", "f8"),  # misfits lately, twice, less those that fitted
         ("withheld", "f8"),  # rows that were left out
+        ("bias", "f8", (3,)),  # its error that stays, rad or m: mean, variance, variance at first
+        ("by_angle", "u1"),  # 1: that is in rad
         ("refused", "u1"),  # 1: not believed now
     ],
     align=True,

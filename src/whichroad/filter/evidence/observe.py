@@ -13,10 +13,11 @@ from ..gaussian import LOG_2PI, condition, innovation_variance, normal_cdf
 from ..gnss.position import lever_arm
 from ..gnss.silence import hear
 from ..road import track
-from ..state import CLOCK, MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, X, Y
+from ..state import CLOCK, MX, MY, OFF_ROAD, Belief, Context, D, H, K, N, V, X, Y, most_probable
 from .elevation import weigh_elevation
 from .evidence_kinds import (
     ATTRIBUTE,
+    BEARING,
     CLASSES,
     ELEVATION,
     HEADING,
@@ -60,16 +61,35 @@ def observe_evidence(belief: Belief, ctx: Context, first: int, count: int) -> No
             continue
         if reading.kind == SPEED and state.mode != CLOCK and abs(state.odometer_speed) < _SLOW:
             continue
+        if reading.bias > 0.0:
+            _begin_bias(belief, reading)
         if reading.kind == HEADING:
             _observe_heading(belief, ctx, reading)
             state.course_time = state.heading_time = state.time
-            continue
-        _observe_axis(belief, ctx, reading, 0)
+        else:
+            _observe_axis(belief, ctx, reading, 0)
         if reading.kind == POSITION:
             _observe_axis(belief, ctx, reading, 1)
             hear(state, state.time)
+        if reading.bias > 0.0:
+            top = belief.hyp[most_probable(belief)]
+            sensor = state.sensors[reading.sensor]
+            sensor.bias[0], sensor.bias[1] = top.mu[V], top.cov[V, V]
     state.changed = 1
     state.observed = 1
+
+
+@kernel
+def _begin_bias(belief: Belief, reading: Record) -> None:
+    """The error that stays, where a hypothesis knows nothing of it: as last known, or its prior."""
+    sensor = belief.state[0].sensors[reading.sensor]
+    if sensor.bias[2] == 0.0:
+        sensor.bias[1] = sensor.bias[2] = reading.bias
+        sensor.by_angle = 1 if reading.kind == HEADING or reading.kind == BEARING else 0
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.cov[V, V] <= 0.0:
+            hyp.mu[V], hyp.cov[V, V] = sensor.bias[0], sensor.bias[1]
 
 
 @kernel
@@ -168,7 +188,8 @@ def _best_fit(belief: Belief, reading: Record, variance: float) -> float:
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.weight >= _JUDGES:
-            nu = wrap(reading.value - hyp.mu[H])
+            bias = hyp.mu[V] if reading.bias > 0.0 else 0.0
+            nu = wrap(reading.value - hyp.mu[H] - bias)
             best = max(best, _log_likelihood(hyp, nu, reading, variance))
     return float(best)
 
@@ -223,12 +244,14 @@ def _fill_row(
         row[j] = 0.0
     mean = hyp.mu
     kind = reading.kind
+    if reading.bias > 0.0:
+        row[V] = 1.0
     if kind == HEADING:
         row[H] = 1.0
-        return wrap(reading.value - mean[H]), 0.0
+        return wrap(reading.value - mean[H] - row[V] * mean[V]), 0.0
     if kind == LATERAL:
         row[D] = 1.0
-        return float(reading.value - mean[D]), 0.0
+        return float(reading.value - mean[D] - row[V] * mean[V]), 0.0
     if kind == SPEED:
         row[K] = 1.0 if state.mode == CLOCK else state.odometer_speed
         return float(reading.value - row[K] * mean[K]), 0.0
@@ -249,6 +272,7 @@ def _fill_place_row(
         bearing    angle of d (− θ)   ∂/∂a = −v / r    second order: variance P_uu P_vv / r⁴
     """
     mean = hyp.mu
+    constant = row[V] * mean[V]
     shift = 1.0 if reading.on_map == 1 else 0.0
     ax, ay = lever_arm(mean[H], reading.arm)
     dx = (reading.x - mean[X]) / state.scale - ax - shift * mean[MX]
@@ -265,12 +289,12 @@ def _fill_place_row(
         across = _variance_along(hyp, shift, -uy, ux)
         if reading.kind == RANGE:
             ex, ey = -ux, -uy
-            nu = reading.value - r - 0.5 * across / r
+            nu = reading.value - r - 0.5 * across / r - constant
             curved = 0.5 * (across / r) ** 2
         else:
             ex, ey = uy / r, -ux / r
             turn = mean[H] if reading.relative == 1 else 0.0
-            nu = wrap(reading.value - math.atan2(dy, dx) + turn)
+            nu = wrap(reading.value - math.atan2(dy, dx) + turn - constant)
             curved = along * across / (r * r * r * r)
     row[X], row[Y] = ex, ey
     row[MX], row[MY] = shift * ex, shift * ey
