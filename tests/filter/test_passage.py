@@ -38,8 +38,28 @@ def passed(chain: list[tuple[int, float]], seen: list[tuple[float, int, float, f
     first = np.zeros(len(chain) + 1, np.int64)
     first_epochs(driven, epochs, first)
     time_edges(ROADS, driven, first, epochs, rows, len(seen) - 1)
-    assert all(a.exit_time == b.enter_time for a, b in pairwise(driven))
+    ends = driven[driven.p >= 0.0]
+    assert all(a.exit_time == b.enter_time for a, b in pairwise(ends))
     return driven
+
+
+def test_a_path_ends_where_the_vehicle_was_last_seen():
+    """The likeliest chain of edges enters one more; no estimate is on it."""
+    seen = [(10.0 * k, 0, 20.0 * k, 0.999) for k in range(5)]
+    seen += [(50.0, 2, 5.0, 0.999), (60.0, 2, 90.0, 0.6), (61.0, 2, 97.0, 0.6)]
+    driven = passed([(0, 0.0), (2, 48.0), (4, 60.5)], seen)
+    (left,) = np.flatnonzero(driven.p < 0.0)
+    assert left == 2
+    assert driven[1].exit_m == 97.0
+    assert driven[1].exit_time == 61.0
+    kept, first = trimmed(driven, np.array([0, 3]))
+    assert kept.edge.tolist() == [0, 2]
+    assert first.tolist() == [0, 2]
+
+
+def test_an_edge_that_the_vehicle_left_for_a_place_off_the_roads_is_the_last_one():
+    driven = passed([(0, 0.0), (2, 48.0)], [(0.0, 0, 20.0, 0.999), (60.0, OFF_ROAD, 0.0, 0.9)])
+    assert np.all(driven[:1].p >= 0.0)
 
 
 def said_at(driven: Records, time: float) -> set[int]:

@@ -35,7 +35,7 @@ def _begin(driven: Traversals) -> int:
 
 
 def trimmed(driven: Traversals, first: NDArray[np.int64]) -> tuple[Traversals, NDArray[np.int64]]:
-    """Several paths, one behind the other, each from the edge that it may begin with.
+    """Several paths, one behind the other, each from the edge it may begin with to its end.
 
     Args:
         driven: Their rows.
@@ -44,6 +44,9 @@ def trimmed(driven: Traversals, first: NDArray[np.int64]) -> tuple[Traversals, N
     Returns:
         The rows that are left, and where each path begins in them.
     """
+    ends = np.asarray(driven.p >= 0.0)
+    if not ends.all():
+        driven, first = driven[ends], np.append(0, np.cumsum(ends))[first]
     left = np.ones(len(driven), bool)
     starts = first[:-1][np.diff(first) > 0]
     for a in starts[_improbable(driven[starts])].tolist():
@@ -108,4 +111,5 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
     known = np.flatnonzero(estimates.live > 0)
     last = int(known[-1]) if len(known) else len(epochs) - 1
     time_edges(roads, driven, first, epochs, estimates, last)
+    driven = driven[driven.p >= 0.0]
     return driven[_begin(driven) :]

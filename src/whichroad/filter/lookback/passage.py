@@ -101,21 +101,48 @@ def time_edges(
 ) -> None:  # fmt: skip
     """Fill in each edge's times, ends and probability.
 
+    A path ends where the vehicle was last seen on it, or left it.  Edges behind are none of it.
+
     P is the mean P of the edge at the epochs at which it was the most probable.  Where there
     are none it is P of being on the path at the epochs around, whichever is less.
 
     Args:
         roads: The network.
         driven: (r,) TRAVERSAL, edges in driving order, with `entered`, `along`, `left`,
-            `share` and `route`; the rest but for the rules is written.
+            `share` and `route`; the rest but for the rules is written.  P is -1 of edges behind
+            the path's end.
         first: (r + 1,) the first epoch of each edge, and the number of epochs.
         epochs: (n,) EPOCH.
         estimates: (n,) ESTIMATE.
         last_epoch: The last one with an estimate.
     """
+    _see(driven, first, estimates, last_epoch)
     rows = len(driven)
+    while rows > 1 and driven[rows - 1].last_seen < 0 and driven[rows - 1].left <= 0.0:
+        rows -= 1
+        driven[rows].p = -1.0
+    if rows == len(driven):
+        _time_seen(roads, driven, first, epochs, estimates, last_epoch)
+        return
+    first[rows] = len(epochs)
+    _see(driven[:rows], first[: rows + 1], estimates, last_epoch)
+    _time_seen(roads, driven[:rows], first[: rows + 1], epochs, estimates, last_epoch)
+
+
+@kernel
+def _see(driven: Traversals, first: Ints, estimates: Estimates, last_epoch: int) -> None:
+    """First and last sight of each edge."""
     _see_where_sure(driven, first, estimates, last_epoch)
     _see_elsewhere(driven, first, estimates, last_epoch)
+
+
+@kernel
+def _time_seen(
+    roads: Roads, driven: Traversals, first: Ints, epochs: Epochs, estimates: Estimates,
+    last_epoch: int,
+) -> None:  # fmt: skip
+    """`time_edges` where sights are known."""
+    rows = len(driven)
     for i in range(rows):
         own = driven[i]
         own.gap = i > 0 and not joins(roads, driven[i - 1].edge, own.edge)
@@ -184,7 +211,8 @@ def _place_ends(roads: Roads, driven: Traversals, i: int, estimates: Estimates) 
     edge, length = own.edge, roads.edges[own.edge].length
     unseen = min(own.left, length) if own.left > 0.0 else length
     last = i + 1 == len(driven)
-    count, top, total, last_s = 0, 0.0, 0.0, unseen
+    count, top, total = 0, 0.0, 0.0
+    last_s = unseen if own.left > 0.0 else own.along
     for k in range(own.first_seen, own.last_seen + 1):
         estimate = estimates[k]
         if estimate.edge == edge:
