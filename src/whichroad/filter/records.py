@@ -112,6 +112,16 @@ DROPPED = np.dtype(  # ways between sparse fixes that nobody follows, see `spars
     align=True,
 )
 
+GROSS = np.dtype(  # a fine receiver's error that may be a gross one, see `gnss.gross_error`
+    [
+        ("p", "f8"),  # P(the receiver is right, and the likeliest place is not); 0: they agree
+        ("jump", "f8", (2,)),  # of the last fix that fitted nothing, m, axes of the plane
+        ("time", "f8"),  # s, of that fix
+        ("offered", "f8"),  # s, when a place at the fix was last offered
+    ],
+    align=True,
+)
+
 SEPARATION = np.dtype(  # all of them, and how restless the receiver is
     [
         ("reckoned", RECKONED, (COPIES,)),
@@ -119,6 +129,7 @@ SEPARATION = np.dtype(  # all of them, and how restless the receiver is
         ("roads", ROADS_LEFT),
         ("unmapped", UNMAPPED),
         ("dropped", DROPPED),
+        ("gross", GROSS),
         ("begun", "f8"),  # s, when the last one was copied
         ("sums", "f8", (4,)),  # of the odometry until now: x, y (m), turn (rad), arc (m)
         ("calm", "f8"),  # scale of the receiver's sigmas, in calm times; 0: not known

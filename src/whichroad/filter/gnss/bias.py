@@ -10,7 +10,9 @@ FAULT = 6.0  # sigmas; an error beyond this is a receiver that has lost lock
 FINE = 1.0  # m; a receiver whose errors are smaller shows how a vehicle leaves its line
 _USUAL = 2.0  # sigmas within which an error is a usual one again
 _WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed,
-_WANDERS_ALONE = 2.0  # and where motion is not measured, and explains as much
+_WANDERS_ALONE = 2.0  # and where motion is not measured, and explains as much;
+_FINE_WANDERS = 0.3  # sigmas, of a fine one that is blamed: it is wrong by a constant,
+_SETTLED = 30.0  # s of fixes from the start on, where the place may not have been wrong before
 
 
 @kernel
@@ -60,8 +62,10 @@ def age_receiver(belief: Belief, ctx: Context, lasts: float, measured: bool) -> 
     par = ctx.par[0]
     state = belief.state[0]
     time = state.moving
-    wanders = (_WANDERS if measured else _WANDERS_ALONE) ** 2 * time
-    wanders /= trace_of(state)
+    wanders = (_WANDERS if measured else _WANDERS_ALONE) ** 2 / trace_of(state)
+    if is_fine(state) and state.learnt_time > _SETTLED:
+        wanders = min(wanders, _FINE_WANDERS**2)
+    wanders *= time
     usual = math.exp(-time / lasts)
     for i in range(state.count):
         hyp = belief.hyp[i]

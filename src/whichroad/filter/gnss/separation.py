@@ -35,6 +35,8 @@ from ..state import (
 )
 from ..vetting.motion_sources import ARC, is_possible
 from ..vetting.windows import ANCHORS, BY_GYRO
+from .bias import is_fine
+from .gross_error import error_of
 
 _EVERY = 15.0  # s between two copies
 _LONGEST = 120.0  # s for which one is kept
@@ -259,7 +261,7 @@ def watch(belief: Belief, path: Path, ctx: Context, gyro: int) -> None:
             _split(belief, path, ctx, copy)
             return
     due = state.time - separation.begun >= _EVERY and state.learnt_time >= _LEARNT
-    calm = not held and not split and state.vetting.tried == 1
+    calm = not held and (not split or is_fine(state)) and state.vetting.tried == 1
     if due and calm and top.cov[H, H] < _TURNED * _TURNED:
         _begin(state, top)
 
@@ -358,6 +360,23 @@ def _cover(
     dy = (place[1] - out.y) / state.scale
     beyond = sigma * math.sqrt(2.0 * math.log(p / risk))
     cover_place(out, dx, dy, p, (beyond, beyond, beyond))
+
+
+@kernel(inline=True)
+def cover_gross_error(state: Record, top: Record, out: Record, risk: float) -> None:
+    """Let an estimate cover the place of a fine receiver that the likeliest hypothesis doubts.
+
+    Args:
+        state: With what is known of that.
+        top: The heaviest hypothesis.
+        out: The estimate, in place: levels and covariance.
+        risk: Of the level.
+    """
+    p = state.separation.gross.p
+    if p > risk:
+        dx, dy, sigma = error_of(state, top)
+        place = (top.mu[X] + state.scale * dx, top.mu[Y] + state.scale * dy)
+        _cover(state, out, place, p, sigma, risk)
 
 
 @kernel(inline=True)

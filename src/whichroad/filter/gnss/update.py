@@ -23,6 +23,7 @@ from .bias import age_receiver
 from .departure import drives, is_followed_blindly, note_departure, p_strayed
 from .diverging_track import follow_track, has_diverged, may_have_turned
 from .frequent_fixes import second_misfits
+from .gross_error import heed_gross_error, takes_back
 from .inflation import (
     bias_time,
     is_alone,
@@ -63,6 +64,7 @@ _FORGOTTEN = 30.0  # s without a misfit, after which the next one is a new event
 _SIDES = 1.6  # times the gate: one sound fix in a thousand
 _BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
 _MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
+_BACK_SHARE = 0.9  # and where it takes back a jump that was believed
 _DOUBTED = 10.0  # s after odometry that may be wrong, for which a misfit is the odometry's
 _BENT = 0.12  # rad by which odometry that was never seen to turn may have turned the wrong way
 _DOPPLER = 1.0  # m/s, sigma of a speed that was measured
@@ -178,6 +180,9 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
         share = _BEGAN_SHARE
     gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
     wrong_way = max(2.0 * abs(vetting.bend) if untried else 0.0, may_have_turned(belief))
+    forks = odds >= MOST_ODDS and misfit(belief, axes) > gate
+    if forks and takes_back(belief, axes, epoch.time):
+        share = _BACK_SHARE
     changed, undecided = take_sides(belief, axes, gate, share, wrong_way)
     if undecided:
         if epoch.time - vetting.forked_at > _FORGOTTEN:
@@ -351,6 +356,10 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     if par.gnss_lost > 0.0 and in_reach:
         _search(belief, path, ctx, epoch, white, far)
     observe_motion(belief, ctx, epoch, thin)
+    if state.mode == WHEELS:
+        heed_gross_error(belief, ctx, epoch.time)
+    else:
+        state.separation.gross.p = 0.0
     state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     _count_misfit(belief, fix, far)
     return chi2

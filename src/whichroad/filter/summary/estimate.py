@@ -10,7 +10,7 @@ from ..._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import records
 from ..gnss.departure import cover_departure, p_elsewhere
-from ..gnss.separation import cover, cover_fixes, cover_scale
+from ..gnss.separation import cover, cover_fixes, cover_gross_error, cover_scale
 from ..map_error import map_scale
 from ..records import ALTERNATIVES as ALTERNATIVES
 from ..roads_left import cover_way, p_turned_wrong
@@ -142,6 +142,7 @@ def describe(
         cover_way(state, out, ctx.par[0].protection_risk)
         cover_fixes(state, out, ctx.par[0].protection_risk)
         cover_scale(state, out, ctx.par[0].protection_risk)
+        cover_gross_error(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off

@@ -1,0 +1,152 @@
+"""A fine receiver that reports centimetres and errs by metres: wrong integers, for a minute or so.
+
+Where a fix fits nothing, two sides live: the receiver has jumped, or the motion was wrong
+(`gnss.sides`).  Such a receiver is wrong by a constant.  So it is the likelier side for long, and
+nothing but time speaks for the other one: with P(the receiver) = 0.9 at the jump, and gross errors
+that last for τ = `gnss_fault_time` on average,
+
+    P(the motion was wrong | T s later) = 1 / (1 + 9 exp(−T / τ))
+
+A side that has died lives again at the fix with that probability, now and then, and the level
+covers it.  Where a jump takes back the one before it, the fixes in between were wrong.
+"""
+
+import math
+
+from ..._compile import Record, kernel
+from ..state import (
+    CAPACITY,
+    GX,
+    GY,
+    MOTION,
+    RECEIVER,
+    Belief,
+    Context,
+    N,
+    X,
+    heaviest,
+    move_row,
+    rescale,
+)
+from .bias import FAULT, is_fine, trace_of
+from .position import NU0, NU1, Axes
+from .sides import fits_best
+
+_ODDS = 9.0  # of the receiver against the motion, at a jump
+_EVERY = 20.0  # s, between two times that a side is offered anew
+_OF_WEIGHT, _OF_SIDE = 0.01, 1e-3  # as in `gnss.sides`
+_TAKEN_BACK = 0.35  # of a jump, up to which it and the next one together are none,
+_WITHIN = 300.0  # s after it
+_LATELY = 5.0  # s after a jump, for which an error is that
+_MOST = 0.9  # P(the motion was wrong), at most
+_SMALL = 3.0  # sigmas up to which an error is no gross one
+
+
+@kernel
+def _square(hyp: Record) -> float:
+    """Of the receiver's error, in sigmas."""
+    return float(hyp.mu[GX] ** 2 + hyp.mu[GY] ** 2)
+
+
+@kernel
+def takes_back(belief: Belief, axes: Axes, time: float) -> bool:
+    """Note a fix that fits nothing; whether it takes back a jump that was believed.
+
+    Args:
+        belief: With the innovations; the jump is kept.
+        axes: Of the fix.
+        time: Of the fix, s.
+    """
+    state = belief.state[0]
+    gross = state.separation.gross
+    _, i = fits_best(belief, axes, -1)
+    hyp = belief.hyp[i]
+    dx = axes.c * hyp.scratch[NU0] - axes.s * hyp.scratch[NU1]
+    dy = axes.s * hyp.scratch[NU0] + axes.c * hyp.scratch[NU1]
+    left = (dx + gross.jump[0]) ** 2 + (dy + gross.jump[1]) ** 2
+    before = gross.jump[0] ** 2 + gross.jump[1] ** 2
+    recent = time - gross.time < _WITHIN
+    gross.jump[0] = dx
+    gross.jump[1] = dy
+    gross.time = gross.offered = time
+    believed = _square(belief.hyp[heaviest(belief)]) < FAULT**2
+    return bool(is_fine(state) and recent and believed and left < _TAKEN_BACK**2 * before)
+
+
+@kernel
+def _move_to_fix(hyp: Record, state: Record) -> None:
+    """Let the receiver be right, and the vehicle where it says: p' = p + S γ − S γ'."""
+    root = state.bias_root
+    cov = hyp.cov
+    for axis in range(2):
+        a = root[axis]
+        b = root[axis + 1]
+        hyp.mu[X + axis] += state.scale * (a * hyp.mu[GX] + b * hyp.mu[GY])
+        for j in range(N):
+            cov[X + axis, j] += a * cov[GX, j] + b * cov[GY, j]
+        for j in range(N):
+            cov[j, X + axis] += a * cov[j, GX] + b * cov[j, GY]
+    hyp.mu[GX] = hyp.mu[GY] = 0.0
+    for j in range(N):
+        cov[GX, j] = cov[j, GX] = cov[GY, j] = cov[j, GY] = 0.0
+    cov[GX, GX] = cov[GY, GY] = 1.0
+    for i in range(2):
+        for j in range(2):
+            cov[X + i, X + j] += root[i] * root[j] + root[i + 1] * root[j + 1]
+            cov[X + i, GX + j] = cov[GX + j, X + i] = -root[i + j]
+
+
+@kernel
+def _offer(belief: Belief, p: float) -> None:
+    """Add hypotheses at the fix, one beside each of weight, that blame the motion."""
+    state = belief.state[0]
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        if hyp.weight < _OF_WEIGHT or state.count + 1 > CAPACITY:
+            continue
+        hyp.blames = RECEIVER
+        move_row(belief, i, state.count)
+        moved = belief.hyp[state.count]
+        moved.blames = MOTION
+        _move_to_fix(moved, state)
+        rescale(moved, p)
+        rescale(hyp, 1.0 - p)
+        state.count += 1
+    state.changed = 1
+
+
+@kernel
+def heed_gross_error(belief: Belief, ctx: Context, time: float) -> None:
+    """With each fix beside wheels: whether the likeliest place is far from a fine receiver's.
+
+    Args:
+        belief: In place; hypotheses at the fix are added where none lives there.
+        ctx: The drive's constants.
+        time: Of the fix, s.
+    """
+    state = belief.state[0]
+    gross = state.separation.gross
+    agreed = gross.p == 0.0
+    gross.p = 0.0
+    if not is_fine(state) or _square(belief.hyp[heaviest(belief)]) <= FAULT**2:
+        return
+    if agreed and time - gross.time > _LATELY:
+        gross.time = gross.offered = time
+    odds = _ODDS * math.exp(-(time - gross.time) / ctx.par[0].gnss_fault_time)
+    gross.p = min(1.0 / (1.0 + odds), _MOST)
+    if time - gross.offered < _EVERY:
+        return
+    gross.offered = time
+    for i in range(state.count):
+        if belief.hyp[i].weight > _OF_SIDE and _square(belief.hyp[i]) < _SMALL**2:
+            return
+    _offer(belief, gross.p)
+
+
+@kernel
+def error_of(state: Record, hyp: Record) -> tuple[float, float, float]:
+    """A receiver's error, m, by the axes of the plane, and its usual sigma."""
+    root = state.bias_root
+    dx = root[0] * hyp.mu[GX] + root[1] * hyp.mu[GY]
+    dy = root[1] * hyp.mu[GX] + root[2] * hyp.mu[GY]
+    return dx, dy, math.sqrt(trace_of(state))
