@@ -381,7 +381,7 @@ def cover_gross_error(state: Record, top: Record, out: Record, risk: float) -> N
 
 @kernel(inline=True)
 def cover_scale(state: Record, out: Record, risk: float) -> None:
-    """Let an estimate cover the last fix, where odometer or turns may have another scale.
+    """Let an estimate cover the last fix, where odometer or turns may have another scale, or spin.
 
     Args:
         state: With the fix.
@@ -392,3 +392,7 @@ def cover_scale(state: Record, out: Record, risk: float) -> None:
     p = max(size.scale.p, state.vetting.turn_size.scale.p)
     if p > risk:
         _cover(state, out, (size.at[0], size.at[1]), p, size.at[2], risk)
+    spin = state.vetting.spin
+    if spin.p > risk:
+        now = state.vetting.windows.now
+        _cover(state, out, (now.x, now.y), spin.p, spin.sigma, risk)

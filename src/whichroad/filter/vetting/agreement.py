@@ -52,6 +52,12 @@ def differ(a: float, b: float, sigma: float) -> int:
 
 
 @kernel
+def moved(sigma: float) -> float:
+    """Way (m) of fixes of an error from which on they have moved."""
+    return 5.0 * sigma + 2.0
+
+
+@kernel
 def count(vetting: Record, source: int, seconds: float) -> None:
     """Count seconds of disagreement, or, negative, of agreement."""
     vetting.score[source] = min(max(vetting.score[source] + seconds, _LEAST), _MOST)
@@ -117,9 +123,8 @@ def weigh_distances(
         vetting.pace = seen.receiver / seen.seconds
     elif seen.fixes > 3.0 * seen.sigma:
         vetting.pace = fixes / seen.seconds
-    if max(fixes, max(odometer if rolls else 0.0, seen.receiver if reported else 0.0)) < (
-        5.0 * seen.sigma + 2.0
-    ):
+    others = max(odometer if rolls else 0.0, seen.receiver if reported else 0.0)
+    if max(fixes, others) < moved(seen.sigma):
         # it stands by all of them; and did so from a sudden stop on
         if rolls and now - vetting.impossible_at < _STOPPED:
             vetting.rolled = math.inf

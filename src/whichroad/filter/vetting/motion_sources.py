@@ -10,7 +10,7 @@ from .repeats import REPEATS
 from .scales import forget_scale
 from .turn_size import TURN_SIZE
 from .wheel_size import WHEEL_SIZE
-from .windows import WINDOWS
+from .windows import ANCHOR, WINDOWS
 
 ARC, TURN, SPEED, COURSE = range(4)  # what is vetted
 SOURCES = 4
@@ -25,6 +25,15 @@ SAMPLE = np.dtype(
         ("jitter", "f8"),  # by how much such changes usually differ, 1/s
         ("lasted", "f8"),  # s, of the last sample
         ("count", "i8"),  # of samples without a pause, 2 at most
+    ],
+    align=True,
+)
+
+SPIN = np.dtype(  # wheels that may turn on the spot, see `vetting.spinning`
+    [
+        ("p", "f8"),  # P(they do)
+        ("sigma", "f8"),  # of the way of the fixes, m
+        ("since", ANCHOR),  # when they began to stand
     ],
     align=True,
 )
@@ -93,6 +102,7 @@ VETTING = np.dtype(
         ("wheel_size", WHEEL_SIZE),  # the odometer's scale,
         ("turn_size", TURN_SIZE),  # and that of its turns
         ("repeats", REPEATS),  # fixes that only repeat a place
+        ("spin", SPIN),
     ],
     align=True,
 )

@@ -26,6 +26,7 @@ from .motion_sources import (
 )
 from .plausibility import check_odometry, is_odd
 from .sparse_fixes import leg_of, weigh_leg
+from .spinning import weigh_spin
 from .turn_size import watch_turns
 from .wheel_size import watch_size
 from .windows import (
@@ -115,6 +116,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         weigh_turns(vetting, courses, seen, last, scale, since)
         turn = seen.turn if vetting.refused[TURN] == 0 else turn
     weigh_distances(vetting, sensors, seen, turn, since)
+    weigh_spin(vetting, last, scale, sensors, since)
     _decide(vetting)
     _record(vetting, seen, windows.now.time, since)
 

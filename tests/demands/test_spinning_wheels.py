@@ -1,0 +1,86 @@
+"""Wheels that turn on the spot, and wheels that say nothing of a slow vehicle."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from online.avenue import PLANE, TOWN
+from whichroad.observations import GeoFix, WheelSpeed
+from whichroad.online import Localizer
+
+SIGMA = 2.5  # m
+
+
+class Answer(NamedTuple):
+    """Beside each fix."""
+
+    time: np.ndarray  # s
+    error: np.ndarray  # m along the avenue
+    level: np.ndarray
+    wrong: int  # how often a place more than 30 m away was said to be on a road for sure
+    named: list[str]
+
+
+def phases(time: np.ndarray, *speeds: tuple[float, float]) -> np.ndarray:
+    """Speeds from moments on, m/s, smoothed over a second."""
+    at = np.zeros(len(time))
+    for begin, speed in speeds:
+        at[time >= begin] = speed
+    return np.convolve(np.pad(at, 10, "edge"), np.full(21, 1 / 21), "valid")
+
+
+def answered(true: np.ndarray, wheels: np.ndarray, seed: int, doppler: bool = True) -> Answer:
+    """A drive along the avenue: speeds at 10 Hz, and fixes each second."""
+    rng = np.random.default_rng(seed)
+    time, way = 0.1 * np.arange(len(true)), 0.1 * np.cumsum(true) - 300.0
+    slow = np.zeros(2)
+    localizer, rows = Localizer(TOWN), []
+    for k, t in enumerate(time.tolist()):
+        noise = rng.normal(0.0, 0.01, 2) * (wheels[k] > 0.05)
+        localizer.take(WheelSpeed(t, *(wheels[k] + noise).tolist()))
+        if k % 10:
+            continue
+        slow = 0.99 * slow + 0.14 * 1.2 * rng.standard_normal(2)
+        x, y = np.array([way[k], 0.0]) + slow + rng.normal(0.0, 1.0, 2)
+        lat, lon = PLANE.to_geodetic(x, y)
+        speed = abs(float(true[k] + rng.normal(0.0, 0.1))) if doppler else None
+        fix = GeoFix.with_sigma(t, float(lat), float(lon), SIGMA, speed=speed)
+        found = localizer.update(fix)
+        if found.answered:
+            off = abs(found.pose.x - way[k])
+            rows.append((t, off, found.protection_level, found.p_road >= 0.999 and off > 30.0))
+    table = np.array(rows)
+    named = [one.what for one in localizer.diagnosis]
+    return Answer(*table.T[:3], wrong=int(table[:, 3].sum()), named=named)
+
+
+@pytest.mark.parametrize("speed", [1.5, 2.5])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_wheels_that_turn_on_the_spot_carry_the_vehicle_nowhere(speed: float, seed: int):
+    time = np.arange(0.0, 150.0, 0.1)
+    true = phases(time, (0.0, 10.0), (40.0, 0.0), (110.0, 10.0))
+    wheels = true + phases(time, (50.0, speed), (80.0, 0.0))
+    found = answered(true, wheels, seed)
+    assert np.mean(found.error > found.level) < 0.03
+    assert np.max(found.error[(found.time > 70.0) & (found.time < 110.0)]) < 15.0
+    assert found.wrong == 0
+    assert "odometry: distance" in found.named
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_wheels_that_miss_a_slow_vehicle_are_withheld(seed: int):
+    time = np.arange(0.0, 220.0, 0.1)
+    true = phases(time, (0.0, 10.0), (40.0, 0.6), (160.0, 10.0))
+    found = answered(true, np.where(true < 0.7, 0.0, true), seed)
+    assert np.mean(found.error > found.level) < 0.02
+    assert np.max(found.error[found.time > 60.0]) < 20.0
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_a_vehicle_that_stands_or_creeps_has_sound_wheels(seed: int):
+    time = np.arange(0.0, 400.0, 0.1)
+    true = phases(time, (0.0, 10.0), (40.0, 0.0), (200.0, 0.5), (260.0, 0.0), (300.0, 10.0))
+    found = answered(true, true, seed)
+    assert np.mean(found.error > found.level) == 0.0
+    assert not [name for name in found.named if "odometry" in name]
