@@ -1,16 +1,18 @@
 """Many trips: what is said of each is what is said of it alone, and none takes others along."""
 
 import itertools
+import uuid
 from collections.abc import Iterator
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
 import whichroad
 from whichroad import workspace
-from whichroad.batch import Tables, filtering, match_many, match_stream, trips
+from whichroad.batch import Tables, filtering, match_batches, match_many, match_stream, trips
 from whichroad.batch.filtering import filter_batch
 from whichroad.errors import ReadError
 from whichroad.geodesy.plane import Plane
@@ -316,6 +318,47 @@ def test_numbers_name_trips_too(roads):
         named = table.set_column(0, "drive_id", pa.array(np.repeat(ids, 32)))
         expected = [str(i if i % 1 else int(i)) for i in ids]
         assert match_many(named, roads).drives["drive_id"].to_pylist() == expected
+
+
+NAMED = [uuid.uuid5(uuid.NAMESPACE_DNS, str(i)) for i in range(7)]
+
+
+def of_bytes(ids: list[uuid.UUID]) -> pa.Array:
+    return pa.ExtensionArray.from_storage(
+        pa.uuid(), pa.array([i.bytes for i in ids], pa.binary(16))
+    )
+
+
+@pytest.mark.parametrize(
+    ("ids", "column", "text"),
+    [
+        (NAMED, of_bytes, str),
+        ([f"car {i}" for i in range(7)], lambda ids: pc.run_end_encode(pa.array(ids)), str),
+        ([f"car {i}" for i in range(7)], lambda ids: pa.array(ids, pa.binary()), str),
+        ([b"\xff\x00", b"\xff\x01"], pa.array, bytes.hex),
+        ([["car", str(i)] for i in range(7)], pa.array, str),
+    ],
+    ids=["uuid", "runs", "bytes", "no text", "lists"],
+)
+def test_names_of_trips_may_be_of_any_type_of_arrow(roads, fleet, ids, column, text):
+    rows = fleet.slice(0, 32 * len(ids))
+    each = [name for name in ids for _ in range(32)]
+    table = rows.set_column(0, "trip_id", column(each))
+    wanted = match_many(rows.set_column(0, "trip_id", pa.array(list(map(text, each)))), roads)
+    assert wanted.drives["answered"].to_pylist() == [True] * len(ids)
+    assert same(match_many(table, roads), wanted)
+    assert same(match_many(iter(table.to_batches(20)), roads), wanted)
+    assert same(match_many(table.rename_columns({"trip_id": "own"}), roads, drive_id="own"), wanted)
+    alone = whichroad.match(table, roads).to_arrow()["drive_id"]
+    assert alone.to_pylist() == wanted.points["drive_id"].to_pylist()
+
+
+def test_uuids_of_pandas_and_runs_of_numbers_are_read(roads, fleet):
+    frame = fleet.to_pandas()
+    frame["drive_id"] = [NAMED[int(name[-1])] for name in frame["drive_id"]]
+    assert match_many(frame, roads).drives["drive_id"].to_pylist() == list(map(str, NAMED))
+    runs = {name: pc.run_end_encode(fleet[name].combine_chunks()) for name in fleet.column_names}
+    assert same(match_many(pa.table(runs), roads), match_many(fleet, roads))
 
 
 def test_files_and_folders_are_streams(roads, fleet, tmp_path):

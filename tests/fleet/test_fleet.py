@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +179,19 @@ def test_other_files_and_queries_are_read(tmp_path, town, table, shuffled, usual
     assert rows_of(tmp_path / "out", "path")["edge_id"].to_pylist() == (
         usual.path.sort_by([("drive_id", "ascending"), ("seq", "ascending")])["edge_id"].to_pylist()
     )
+
+
+@pytest.mark.parametrize("suffix", ["parquet", "arrow"])
+def test_uuids_name_trips_by_their_text(tmp_path, town, table, usual, suffix):
+    texts = [str(uuid.uuid5(uuid.NAMESPACE_DNS, name)) for name in table["trip_id"].to_pylist()]
+    stored = pa.array([uuid.UUID(text).bytes for text in texts], pa.binary(16))
+    named = table.set_column(0, "trip_id", pa.ExtensionArray.from_storage(pa.uuid(), stored))
+    write = pq.write_table if suffix == "parquet" else feather.write_feather
+    write(named, tmp_path / f"trips.{suffix}")
+    run_fleet(tmp_path / f"trips.{suffix}", town, tmp_path / "out", workers=1)
+    drives = rows_of(tmp_path / "out", "drives")
+    assert drives["drive_id"].to_pylist() == sorted(set(texts))
+    assert sorted(drives["epochs"].to_pylist()) == sorted(usual.drives["epochs"].to_pylist())
 
 
 def test_poisoned_trips_are_listed_and_the_others_are_as_they_were(tmp_path, town, table, usual):

@@ -11,6 +11,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from ..errors import ReadError
+from ..readers.arrow_columns import decoded
 from .inputs import used_columns
 
 UNIT_ROWS = 1 << 17  # rows of a unit, at most, but for a last trip
@@ -117,7 +118,7 @@ def _names(path: Path, trip_id: str, own: Mapping[str, str | int]) -> Iterator[p
     with _read(path), pq.ParquetFile(path) as file:
         used = used_columns(file.schema_arrow.names, trip_id, str(path), own)
         for batch in file.iter_batches(_BATCH, columns=[used.trip]):
-            column = batch.column(0)
+            column = decoded(pa.chunked_array([batch.column(0)])).combine_chunks()
             if pa.types.is_dictionary(column.type):
                 column = column.cast(column.type.value_type)
             if len(column):

@@ -3,7 +3,9 @@
 import math
 import re
 from collections import Counter
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
+from uuid import UUID
 
 import numpy as np
 
@@ -48,9 +50,7 @@ def numbers(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
     import pyarrow as pa
     import pyarrow.compute as pc
 
-    kind = column.type
-    if pa.types.is_dictionary(kind):
-        column, kind = column.cast(kind.value_type), kind.value_type
+    column, kind = _plain(column)
     if pa.types.is_null(kind):
         return np.full(len(column), np.nan)
     if pa.types.is_boolean(kind):
@@ -193,6 +193,50 @@ def is_zoneless(cell: "pa.Array", meaning: Column) -> bool:
     return times(pa.chunked_array([cell]), meaning, "table", Counter(), written=either).zoneless
 
 
+def decoded(column: "pa.ChunkedArray") -> "pa.ChunkedArray":
+    """A column without runs, and of an extension type what it stores; of UUIDs their text.
+
+    Most of Arrow's functions know neither.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if pa.types.is_run_end_encoded(column.type):
+        column = pc.run_end_decode(column)
+    kind = column.type
+    if not isinstance(kind, pa.BaseExtensionType):
+        return column
+    stored = column.cast(kind.storage_type)
+    return _uuids(stored) if kind.extension_name == "arrow.uuid" else stored
+
+
+def decoded_columns(table: "pa.Table", found: Mapping[str, Column]) -> "pa.Table":
+    """The table with its columns `decoded`, but for the geometry, whose type says what it is."""
+    own = [c.place for quantity, c in found.items() if quantity == "geometry"]
+    for place, field in enumerate(table.schema):
+        if place not in own and _is_encoded(field.type):
+            table = table.set_column(place, field.name, decoded(table.column(place)))
+    return table
+
+
+def _is_encoded(kind: "pa.DataType") -> bool:
+    import pyarrow as pa
+
+    return pa.types.is_run_end_encoded(kind) or isinstance(kind, pa.BaseExtensionType)
+
+
+def _uuids(stored: "pa.ChunkedArray") -> "pa.ChunkedArray":
+    """The texts of UUIDs, such as `f81d4fae-7dec-11d0-a765-00a0c91e6bf6`, out of their bytes."""
+    import pyarrow as pa
+
+    chunks = []
+    for chunk in stored.chunks:
+        codes = chunk.dictionary_encode()
+        names = pa.array([str(UUID(bytes=each)) for each in codes.dictionary.to_pylist()])
+        chunks.append(names.cast(pa.string()).take(codes.indices))
+    return pa.chunked_array(chunks, pa.string())
+
+
 def _plain(column: "pa.ChunkedArray") -> tuple["pa.ChunkedArray", "pa.DataType"]:
     """A column without a dictionary, and its type."""
     import pyarrow as pa
@@ -230,6 +274,8 @@ def texts(column: "pa.ChunkedArray") -> tuple[list[str], Ints]:
     import pyarrow as pa
 
     if not pa.types.is_dictionary(column.type):
+        if pa.types.is_nested(column.type):  # such as lists, which Arrow has no dictionaries of
+            column = pa.chunked_array([strings(column)], pa.string())
         column = column.dictionary_encode()
     combined = column.combine_chunks()
     if isinstance(combined, pa.ChunkedArray):  # more than one chunk when it cannot be one
@@ -243,4 +289,9 @@ def _label(value: object) -> str:
     """A label as text; whole numbers as such, also where a column with gaps made floats of them."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)
+    if isinstance(value, bytes):
+        try:
+            return value.decode()
+        except UnicodeDecodeError:
+            return value.hex()
     return "" if value is None else str(value)

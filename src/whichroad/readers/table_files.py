@@ -5,6 +5,7 @@ import io
 import numpy as np
 
 from ..errors import ReadError, first_line
+from .arrow_columns import decoded_columns
 from .checks import Skipped, keep
 from .csv_text import read_csv
 from .names import Seen, find
@@ -38,7 +39,8 @@ def _parquet(source: Source, reading: Reading) -> Seen:
         found = find(names, reading.columns)
         table = file.read(columns=[column.name for column in found.values()] or names[:1])
         table.validate(full=True)
-        return Seen.of(table, names, found)
+        seen = Seen.of(table, names, found)
+        return seen._replace(table=decoded_columns(table, seen.found))
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise _unreadable(source, "Parquet", error) from None
 
@@ -52,7 +54,8 @@ def _arrow(source: Source, skipped: Skipped, reading: Reading) -> Seen:
         table, whole = read_arrow(source.data)
         keep(np.array([whole]), "incomplete end of a recording", skipped)
         table.validate(full=True)
-        return Seen(table, table.column_names, find(table.column_names, reading.columns))
+        found = find(table.column_names, reading.columns)
+        return Seen(decoded_columns(table, found), table.column_names, found)
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise _unreadable(source, "Arrow file", error) from None
 

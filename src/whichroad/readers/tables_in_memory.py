@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ReadError, first_line
+from .arrow_columns import decoded_columns
 from .names import Seen, find
 from .reading import Reading
 
@@ -45,7 +46,8 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
         if isinstance(table, dict):
             table = pa.table({name: _arrow(cells) for name, cells in table.items()})
         table = table if isinstance(table, pa.Table) else pa.table(table)
-        return Seen(table, table.column_names, find(table.column_names, own))
+        found = find(table.column_names, own)
+        return Seen(decoded_columns(table, found), table.column_names, found)
     except (
         pa.ArrowException, TypeError, ValueError, KeyError, AttributeError, OverflowError
     ) as error:  # fmt: skip
@@ -144,7 +146,8 @@ def _frame(frame: Any, own: Any) -> Seen:
     found = find(names, own)
     # columns that are not used may be of types that Arrow does not know
     arrays = {column.name: _arrow(frame.iloc[:, column.place]) for column in found.values()}
-    return Seen.of(pa.table(arrays), names, found)
+    seen = Seen.of(pa.table(arrays), names, found)
+    return seen._replace(table=decoded_columns(seen.table, seen.found))
 
 
 def _arrow(cells: Any) -> Any:
