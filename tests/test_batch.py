@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
 
@@ -370,6 +371,47 @@ def test_files_and_folders_are_streams(roads, fleet, tmp_path):
     for i in range(7):
         pq.write_table(fleet.slice(32 * i, 32), folder / f"{i}.parquet")
     assert same(whole, match_many(str(folder), roads))
+
+
+def test_values_that_folders_bear_are_columns_of_text(roads, fleet, tmp_path):
+    names = [f"car {i}" for i in range(7)]
+    whole = match_many(fleet, roads)
+    for i, name in enumerate(names):
+        part = tmp_path / "trips" / f"trip_id={name.replace(' ', '%20')}"
+        part.mkdir(parents=True)
+        pq.write_table(fleet.slice(32 * i, 32).drop_columns("drive_id"), part / "part-0.parquet")
+    assert same(whole, match_many(tmp_path / "trips", roads))
+    for i, number in enumerate(["007", "8"]):
+        part = tmp_path / "numbers" / "region=eu" / f"trip_id={number}"
+        part.mkdir(parents=True)
+        rows = fleet.slice(32 * i, 32)
+        pq.write_table(rows.drop_columns("drive_id"), part / "part-0.parquet")
+        part = tmp_path / "twice" / f"drive_id={number}"
+        part.mkdir(parents=True)
+        pq.write_table(rows, part / "part-0.parquet")
+    assert match_many(tmp_path / "numbers", roads).drives["drive_id"].to_pylist() == ["007", "8"]
+    twice = match_many(tmp_path / "twice", roads)  # what the files say goes first
+    assert twice.drives["drive_id"].to_pylist() == names[:2]
+
+
+class Capsule:
+    """A table that shows nothing but its stream, as `to_arrow()` of geopandas gives it."""
+
+    def __init__(self, table: pa.Table) -> None:
+        self._table = table
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        return self._table.__arrow_c_stream__(requested_schema)
+
+
+def test_whatever_gives_a_stream_of_arrow_is_a_table(roads, fleet):
+    whole = match_many(fleet, roads)
+    for given in (Capsule(fleet), ds.dataset(fleet).scanner(), ds.dataset(fleet)):
+        assert same(whole, match_many(given, roads))
+        if not isinstance(given, ds.Dataset):
+            for ordered in (False, True):
+                paths = match_batches(given, roads, ordered=ordered)
+                assert pa.Table.from_batches(paths).equals(whole.path)
 
 
 def test_no_trips_are_tables_without_rows(roads, fleet):

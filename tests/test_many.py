@@ -61,6 +61,16 @@ def test_a_table_of_many_trips_is_matched_trip_by_trip(tmp_path, town):
     assert "answered               3" in done.output
 
 
+@pytest.mark.parametrize("names", [["a", "b"], ["a"]])
+def test_folders_that_bear_the_names_of_trips_are_a_table_of_them(tmp_path, town, names):
+    table = pq.read_table(trips(tmp_path, names))
+    pq.write_to_dataset(table, tmp_path / "parts", partition_cols=["trip_id"])
+    done = run("match", tmp_path / "parts", "--map", town, "-o", tmp_path / "points.parquet")
+    assert done.exit_code == 0, done.output
+    found = pq.read_table(tmp_path / "points.parquet")["drive_id"].to_pylist()
+    assert found == [name for name in names for _ in range(20)]
+
+
 def test_nothing_answered_is_a_failure_that_says_why(tmp_path, town):
     source = trips(tmp_path, ["a", "b"], north=-90_000.0)
     done = run("match", source, "--map", town)

@@ -72,6 +72,11 @@ def _points(column: "pa.ChunkedArray", where: str) -> tuple[Array, Array]:
             cells = getattr(cells, "storage", cells)
             x, y = (np.array(pa.compute.struct_field(cells, n), np.float64) for n in ("x", "y"))
             return x, y
+        if pa.types.is_fixed_size_list(kind):  # the same, of each point both together
+            cells = column.combine_chunks()
+            cells = getattr(cells, "storage", cells)
+            x, y = (np.array(pa.compute.list_element(cells, k), np.float64) for k in (0, 1))
+            return x, y
         values = column.to_pylist()
         if any(isinstance(v, str) for v in values):
             points = shapely.from_wkt(values)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from .arrow_columns import is_zoneless, texts
+from .arrow_columns import decoded, is_zoneless, texts
 from .checks import listed
 from .csv_text import no_column
 from .dates import UNSAID, Writing, taken_as_utc
@@ -23,6 +23,7 @@ from .splitting import split_trips
 from .table_drives import paired
 from .table_units import Units
 from .tables_in_memory import are_rows, in_memory, rows_as_columns
+from .trip_files import dataset_of, in_batches, is_dataset, is_partitioned, is_scanner
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -32,9 +33,8 @@ _NONE: Own = {}
 APART = 1 << 16  # rows of other trips after which a trip of a stream is complete
 BATCH_ROWS = 1 << 14  # rows of a batch of short trips
 _BATCH = 1 << 15  # rows read from a file at once
+_TABLE = ("schema", "columns", "__arrow_c_stream__")  # what tables in memory and readers have
 _PLACES = ({"lat", "lon"}, {"geometry"}, {"x", "y"})  # quantities that locate a trip
-_FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
-          ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip
 
 
 class TripBatch(NamedTuple):
@@ -64,8 +64,9 @@ def trip_batches(
 
     Args:
         source: An Arrow table, record batch, DataFrame, dict of columns or list of dicts, one for
-            each row; or a stream: the path of a Parquet or Arrow file or a folder of them, a
-            dataset, a RecordBatchReader, or any iterator of batches or tables.
+            each row, or anything with `__arrow_c_stream__`; or a stream: the path of a Parquet or
+            Arrow file or a folder of them, a dataset, a Scanner, a RecordBatchReader, or any
+            iterator of batches or tables.
         drive_id: The column that names the trip; "drive_id" also finds its usual aliases.
         split: Cut the rows of each name at pauses, stops and jumps (`splitting`) of so many s,
             into trips called `name/1`, `name/2`, ...
@@ -83,11 +84,13 @@ def trip_batches(
 
     if are_rows(source):
         source = rows_as_columns(source)
+    if is_scanner(source):
+        source = in_batches(source)
     if isinstance(source, str | PathLike):
         yield from of_stream(_of_path(Path(source), drive_id, own))
     elif hasattr(source, "to_batches") and hasattr(source, "scanner"):
         yield from of_stream(_of_dataset(source, drive_id, own))
-    elif hasattr(source, "schema") or hasattr(source, "columns") or isinstance(source, dict):
+    elif isinstance(source, dict) or any(hasattr(source, name) for name in _TABLE):
         if hasattr(source, "read_next_batch"):
             _check(source.schema.names, find(source.schema.names, own))
             yield from of_stream(source)
@@ -111,20 +114,7 @@ def trip_batches(
 
 def _of_path(path: Path, drive_id: str, own: Own = _NONE) -> Iterable[Any]:
     """The batches of a Parquet or Arrow file, or of a folder of Parquet files."""
-    import pyarrow as pa
-    import pyarrow.dataset as ds
-
-    kind = "parquet" if path.is_dir() else _FILES.get(path.suffix.lower())
-    if kind is None:
-        raise ReadError(
-            f"{path}: a file of this kind is not read as a stream of trips; .parquet or .arrow "
-            "was expected; read_drive takes the others"
-        )
-    try:
-        return _of_dataset(ds.dataset(path, format=kind), drive_id, own)
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise ReadError(f"{path}: cannot be read as {kind} ({reason})") from None
+    return _of_dataset(dataset_of(path), drive_id, own)
 
 
 def _of_dataset(data: Any, drive_id: str, own: Own) -> Iterable[Any]:
@@ -360,13 +350,17 @@ def zone_note_of(batches: Iterable[Any], own: Own) -> str | None:
 def are_many(path: str | PathLike[str], drive_id: str | None = None, columns: Own = _NONE) -> bool:
     """Whether a file is a stream of more than one trip: Parquet or Arrow with names of trips.
 
+    A partitioned folder is one also with a single trip.
+
     Args:
-        path: The file.
+        path: The file, or a folder.
         drive_id: The column that names trips; None: any of the usual ones.
         columns: Own names of columns.
     """
+    import pyarrow as pa
+
     path = Path(path)
-    if not path.is_dir() and path.suffix.lower() not in _FILES:
+    if not is_dataset(path):
         return False
     seen: set[str] = set()
     try:
@@ -378,9 +372,10 @@ def are_many(path: str | PathLike[str], drive_id: str | None = None, columns: Ow
             if name is None or name not in batch.schema.names:
                 return False
             column = batch.column(batch.schema.names.index(name))
-            seen.update(map(str, column.unique().to_pylist()))
+            labels, codes = texts(decoded(pa.chunked_array([column])))
+            seen.update(labels[code] for code in np.unique(codes).tolist())
             if len(seen) > 1:
                 return True
     except (ReadError, OSError, ValueError):  # the reader of the file will report the error
         return False
-    return False
+    return bool(seen) and is_partitioned(path)  # whose parts no other reader takes together

@@ -24,6 +24,7 @@ from .many_trips import (
     split_each,
     usual_rows,
 )
+from .trip_files import in_batches
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -38,7 +39,7 @@ def ordered_batches(
     """Cut a stream into whole trips.
 
     Args:
-        batches: Record batches or tables, which may end within trips.
+        batches: Record batches or tables, which may end within trips, or one table.
         drive_id: The column that names the trip; "drive_id" also finds its usual aliases.
         split: As of `many_trips.trip_batches`.
         own: Likewise.
@@ -70,7 +71,7 @@ def _whole_tables(batches: Iterable[Any], drive_id: str, own: Own) -> "Iterator[
     """Tables of some whole trips each."""
     held: list[Any] = []  # rows of one trip, whose end has not come
     name = None
-    for batch in batches:
+    for batch in in_batches(batches):
         table = usual_rows(batch, drive_id, own)
         if not table.num_rows:
             continue
