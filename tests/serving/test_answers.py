@@ -251,6 +251,9 @@ def test_the_form_of_osrm_is_given_by_valhalla_too(town, body):
     assert steps[-1]["maneuver"]["type"] == "arrive"
 
 
+PLACES = [{"lat": 1, "lon": 8}, {"lat": 1, "lon": 8.001}]
+
+
 @pytest.mark.parametrize(
     ("request_", "code"),
     [
@@ -268,6 +271,11 @@ def test_the_form_of_osrm_is_given_by_valhalla_too(town, body):
         ({"costing": "auto", "shape": [{"lat": 1, "lon": 8}] * 3, "shape_match": "x"}, 445),
         ({"costing": "auto", "shape": [{"lat": 1, "lon": 8}] * 20_000}, 153),
         ({"costing": "auto", "shape": [{"lat": 1, "lon": 8}, {"lat": 1, "lon": 8.001}]}, 171),
+        ({"costing": "auto", "shape": PLACES, "trace_options": {"gps_accuracy": -5}}, 158),
+        ({"costing": "auto", "shape": PLACES, "gps_accuracy": -0.1}, 158),
+        ({"costing": "auto", "shape": PLACES, "durations": [1, 2, 3]}, 136),
+        ({"costing": "auto", "shape": PLACES, "durations": []}, 136),
+        ({"costing": "auto", "shape": PLACES, "durations": "2"}, 100),
     ],
 )
 def test_a_refused_request_has_the_number_of_valhalla(town, request_, code):

@@ -13,8 +13,10 @@ from urllib.parse import quote
 
 import httpx
 import numpy as np
+import pandas as pd
 import pytest
 
+import whichroad
 from live.service import KEEPS_PACE
 from whichroad import RoadMap, Settings, Vehicle, simulate_drive
 from whichroad.answers import osrm_match, trace_route
@@ -69,6 +71,9 @@ def drive(town):
     fixes = simulate_drive(RoadMap.open(town), seed=3, length_m=1500.0).drive.fixes
     columns = (fixes.time, fixes.lat_deg, fixes.lon_deg)
     return [column[:60].tolist() for column in columns]
+
+
+JSON_BODY = {"content-type": "application/json"}
 
 
 def address(base, drive, more=""):
@@ -209,11 +214,51 @@ def test_other_hosts_and_origins_are_not_served(base):
     assert refused.status_code == 403
 
 
-def test_a_trace_can_be_posted_as_to_live(base, drive):
-    rows = "\n".join(f"{t},{a},{b}" for t, a, b in zip(*drive, strict=True))
-    answer = httpx.post(
-        base + "match", content="time,lat,lon\n" + rows, headers={"content-type": "text/csv"},
-        timeout=300,
-    )  # fmt: skip
+def test_a_trace_can_be_posted_as_to_live(base, drive, town):
+    def posted(rows, more="", **head):
+        text = "time,lat,lon\n" + "\n".join(f"{t},{a},{b}" for t, a, b in rows)
+        head = {"content-type": "text/csv", **head}
+        return httpx.post(f"{base}match{more}", content=text, headers=head, timeout=300)
+
+    def answered():
+        return httpx.get(base + "health").json()["usual"]["answered"]
+
+    rows, before = list(zip(*drive, strict=True)), answered()
+    answer = posted(rows)
     assert answer.status_code == 200
-    assert len(answer.json()["points"]) == 60
+    points = whichroad.match(pd.DataFrame(rows, columns=["time", "lat", "lon"]), town).points
+    told = answer.json()["points"]
+    assert [one["edge_id"] for one in told] == points.edge_id.tolist()
+    assert [one["lat"] for one in told] == pytest.approx(points.lat.tolist(), abs=1e-9)
+    part = posted(rows, "?give=path&lag=full", **{"accept-encoding": "gzip"})
+    assert part.headers["content-encoding"] == "gzip"
+    assert set(part.json()) == {"version", "path", "summary"}
+    assert answered() == before + 2
+    laps = [
+        (round(t + 70.0 * lap, 1), round(a, 5), round(b, 5))
+        for lap in range(17)
+        for t, a, b in rows
+    ]
+    assert len(posted(laps).json()["points"]) == len(laps)  # more than the usual lane takes
+
+
+def test_traces_of_many_callers_are_matched_side_by_side(base, drive):
+    rows = [dict(zip(("time", "lat", "lon"), row, strict=True)) for row in zip(*drive, strict=True)]
+
+    def ask(n):
+        told = httpx.post(base + "match", json=rows[: 20 + n], timeout=300)
+        return told.status_code == 200 and len(told.json()["points"]) == 20 + n
+
+    with ThreadPoolExecutor(6) as callers:
+        assert all(callers.map(ask, range(40)))
+
+
+def test_what_cannot_be_matched_is_refused_with_what_a_client_can_do(base):
+    empty = httpx.post(base + "match", json=[])
+    assert (empty.status_code, "no rows" in empty.json()["error"]) == (422, True)
+    other = httpx.post(base + "match", json=[{"a": 1}]).json()["error"]
+    assert other.endswith("; rename the columns")
+    meant = httpx.post(base + "match", json=[{"ts_x": 1, "lat": 49.4, "lon": 8.7}]).json()["error"]
+    assert meant.endswith("; did you mean time=ts_x? rename the columns so")
+    huge = httpx.post(base + "match", content=b" " * (17 * 2**20), headers=JSON_BODY)
+    assert huge.status_code == 413

@@ -11,7 +11,9 @@ VALHALLA = {
     123: "Insufficient shape provided",
     124: "No edge/node costing provided",
     125: "No costing method found: '{}'",
+    136: "durations size not compatible with trace size",
     153: "Too many shape points: ({}). The best paths shape limit is {}",
+    158: "Input trace option is out of bounds:({}). The {} lower limit is 0",
     171: "No suitable edges near location",
     444: "Map Match algorithm failed to find path: map_snap algorithm failed to snap the shape "
     "points to the correct shape.",

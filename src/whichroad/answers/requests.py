@@ -295,6 +295,8 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
         raise valhalla_error(445)
     options = given.get("trace_options") or {}
     sigma = options.get("gps_accuracy", given.get("gps_accuracy"))
+    if sigma is not None and not float(sigma) >= 0.0:
+        raise valhalla_error(158, sigma, "gps_accuracy")
     shape, line = given.get("shape"), given.get("encoded_polyline")
     time: Array | None = None
     if isinstance(shape, list) and shape:
@@ -314,7 +316,8 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
         raise valhalla_error(114)
     if len(lat) < 2:
         raise valhalla_error(123)
-    time = _durations(given, len(lat)) if time is None else time
+    durations = _durations(given, len(lat))
+    time = durations if time is None else time
     accuracy = np.array([math.nan if one is None else float(one) for one in own])
     accuracy[~(accuracy > 0.0) | np.isinf(accuracy)] = np.nan
     lon = wrap_degrees(lon)
@@ -330,8 +333,12 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
 def _durations(given: Mapping[str, Any], n: int) -> Array | None:
     """Times from `begin_time` and `durations`, as they go with an encoded line."""
     steps = given.get("durations")
-    if not isinstance(steps, list) or len(steps) not in (n, n - 1):
+    if steps is None:
         return None
+    if not isinstance(steps, list):
+        raise ValueError("durations that are none")
+    if len(steps) not in (n, n - 1):
+        raise valhalla_error(136)
     steps = [float(step) for step in steps]
     return float(given.get("begin_time") or 0.0) + np.cumsum([0.0, *steps][-n:])
 

@@ -7,6 +7,7 @@ thread and a limit of memory, and it ends when its standard input does.
 import contextlib
 import json
 import os
+import re
 import shutil
 import signal
 import sys
@@ -31,6 +32,9 @@ REQUEST, BODY, ANSWER, REFUSAL = "request.json", "body", "answer", "refusal.json
 MOST_MEMORY = 300 * 1024 * 1024  # bytes that one trace may take, where the system can limit it
 GEOMETRIES = ("FeatureCollection", "Feature", "LineString", "MultiLineString", "MultiPoint")
 _EXPECTED = "JSON rows with time, lat and lon, columns of them, or GeoJSON were expected"
+_BY_OPTION = r"`whichroad match --columns ([^`]*)` \(columns=\)"
+_OR_BY_OPTION = re.compile(rf", or [^;,]* {_BY_OPTION}")
+_MEANT = re.compile(rf"did you mean {_BY_OPTION}\?")
 _ROWS_AT_ONCE = 2000  # rows of the answer that are made at once
 
 
@@ -79,11 +83,13 @@ def check_body(folder: Path) -> None:
         check_size(body, suffix)
 
 
-def match_trace(folder: Path) -> None:
+def match_trace(folder: Path, roads: RoadMap | None = None, most: int = MOST_ROWS) -> None:
     """Match the trace in a folder, whose size was checked, and leave the answer there.
 
     Args:
         folder: Holds `request.json` and `body`.
+        roads: The map; None: the one that the request names.
+        most: Rows of a trace, at most.
 
     Raises:
         Refused: It cannot be matched.
@@ -94,10 +100,10 @@ def match_trace(folder: Path) -> None:
     vehicle, settings = Vehicle(**asked["vehicle"]), Settings(**asked["settings"])
     with _refusing(folder):
         drives = _read(folder, asked["suffix"], vehicle, settings)
-        if sum(_size(drive) for drive in drives) > MOST_ROWS:
-            raise TooLargeTrace(f"trace: at most {MOST_ROWS:,} rows are taken here")
+        if sum(_size(drive) for drive in drives) > most:
+            raise TooLargeTrace(f"trace: at most {most:,} rows are taken here")
         result = match(
-            drives, RoadMap.open(asked["map"]), vehicle=vehicle, settings=settings,
+            drives, roads or RoadMap.open(asked["map"]), vehicle=vehicle, settings=settings,
             mask=[tuple(window) for window in asked["mask"]], lag=asked["lag"],
         )  # fmt: skip
         with _written(folder / ANSWER, asked["gzip"]) as file, _within_bounds():
@@ -116,9 +122,15 @@ def _refusing(folder: Path) -> Iterator[None]:
     except TooLargeTrace as error:
         raise Refused(413, str(error)) from None
     except WhichroadError as error:
-        raise Refused(422, str(error).replace(f"{folder}{os.sep}", "")) from None
+        raise Refused(422, _for_client(str(error).replace(f"{folder}{os.sep}", ""))) from None
     except MemoryError:
         raise Refused(413, "trace: it needs more memory than one trace may take") from None
+
+
+def _for_client(said: str) -> str:
+    """A message without the options of the command line, which a client cannot give."""
+    said = _OR_BY_OPTION.sub("", said)
+    return _MEANT.sub(r"did you mean \1? rename the columns so", said)
 
 
 def _written(path: Path, gzip: bool) -> TextIO:
@@ -231,15 +243,12 @@ def _columns(given: Any) -> Any:
         raise Refused(400, _EXPECTED) from None
 
 
-def _prepare() -> None:
-    """Import what matching needs, so that it does not count as the trace's memory; limit that."""
+def prepare() -> None:
+    """Import what matching needs, so that it does not count as the trace's memory."""
     import geopandas  # noqa: F401
     import pyarrow.csv  # noqa: F401
 
     from .. import matching  # noqa: F401
-
-    one_thread()
-    limit_memory(MOST_MEMORY)
 
 
 def _end_with_the_service(folder: Path) -> None:
@@ -257,7 +266,9 @@ def main() -> None:
     threading.Thread(target=_end_with_the_service, args=(folder,), daemon=True).start()
     try:
         check_body(folder)  # before all that matching needs is imported: that takes a second
-        _prepare()
+        prepare()
+        one_thread()
+        limit_memory(MOST_MEMORY)
         match_trace(folder)
     except Refused as refused:
         text = json.dumps({"status": refused.status, "error": refused.why})

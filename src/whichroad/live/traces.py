@@ -11,6 +11,8 @@ import os
 import shutil
 import sys
 import tempfile
+import threading
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -76,6 +78,7 @@ class Traces:
         self._stamp = None if compiled is None else _stamp(compiled)
         self._current: object | None = None  # marks the trace that is being matched
         self._folder: Path | None = None
+        self._making = threading.Lock()  # of that folder
         self._worker: asyncio.subprocess.Process | None = None
 
     async def answer(
@@ -91,18 +94,25 @@ class Traces:
         Raises:
             HTTPException: It is refused.
         """
-        kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
-        if kind not in _KINDS:
-            raise HTTPException(415, f"one of {', '.join(_KINDS)} was expected")
-        if request.headers.get("content-encoding", "identity").lower() != "identity":
-            raise HTTPException(415, "a body without a content encoding was expected")
+        _kind_of(request)
         if self._current is not None:
             headers = {"Retry-After": str(_RETRY)}
             raise HTTPException(429, "another trace is being matched", headers=headers)
+        return _Matching(self, self.asked(request, vehicle, settings))
+
+    def asked(
+        self, request: Request, vehicle: Vehicle | None = None, settings: Settings | None = None
+    ) -> Asked:
+        """What a request asks for, as `answer` takes it.
+
+        Raises:
+            HTTPException: It is refused.
+        """
+        kind = _kind_of(request)
         gzip = takes_gzip(request.headers.get("accept-encoding", ""))
         options = trace_options(request.query_params)
         car, numbers = vehicle or self._vehicle, settings or self._settings
-        return _Matching(self, Asked(_KINDS[kind], options, car, numbers, gzip))
+        return Asked(kind, options, car, numbers, gzip)
 
     def close(self) -> None:
         """End what is being done, and remove what was written."""
@@ -138,6 +148,21 @@ class Traces:
             if self._current is mine:
                 self._current = None
 
+    @contextlib.asynccontextmanager
+    async def written(self, asked: Asked, body: bytes) -> AsyncIterator[Path]:
+        """A folder with a request and its body for another process, and removed after it."""
+        folder = await asyncio.to_thread(self._new_folder)
+        try:
+            text = request(
+                asked.suffix, asked.options, await self._map(), asked.vehicle, asked.settings,
+                gzip=asked.gzip,
+            )  # fmt: skip
+            (folder / REQUEST).write_text(text, encoding="utf-8")
+            (folder / BODY).write_bytes(body)
+            yield folder
+        finally:
+            await asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True)
+
     async def _send(self, file: BinaryIO, send: Send, gzip: bool) -> None:
         """Send an answer piece by piece, as fast as it is taken; with the last, be free again."""
         left = os.fstat(file.fileno()).st_size
@@ -158,9 +183,11 @@ class Traces:
 
     def _new_folder(self) -> Path:
         """A folder for one trace, within one for all of this service."""
-        if self._folder is None:
-            _remove_left(_place())
-            self._folder = Path(tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-", dir=_place()))
+        with self._making:
+            if self._folder is None:
+                _remove_left(_place())
+                made = tempfile.mkdtemp(prefix=f"{_NAME}{os.getpid()}-", dir=_place())
+                self._folder = Path(made)
         return Path(tempfile.mkdtemp(dir=self._folder))
 
     async def _spool_body(self, folder: Path, receive: Receive) -> None:
@@ -222,6 +249,20 @@ class Traces:
             await asyncio.to_thread(self._roads.save, compiled)
             self._compiled, self._stamp = compiled, _stamp(compiled)
         return self._compiled
+
+
+def _kind_of(request: Request) -> str:
+    """The format of a body, as a suffix.
+
+    Raises:
+        HTTPException: It is none that is taken.
+    """
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind not in _KINDS:
+        raise HTTPException(415, f"one of {', '.join(_KINDS)} was expected")
+    if request.headers.get("content-encoding", "identity").lower() != "identity":
+        raise HTTPException(415, "a body without a content encoding was expected")
+    return _KINDS[kind]
 
 
 class _Matching(Response):

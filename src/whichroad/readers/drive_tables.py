@@ -143,7 +143,7 @@ def drives_of(
         paths: The files, for `Drive.sources`; empty: it was in memory.
     """
     if seen.table.num_rows == 0:
-        if "time" not in seen.found:
+        if seen.names and "time" not in seen.found:
             raise ReadError(no_column(where, "no time", seen.names, ("time",)))
         raise ReadError(f"{where}: no rows; at least one fix or odometry reading was expected")
     notes: list[str] = []

@@ -16,10 +16,11 @@ from typing import Any, BinaryIO
 from ..answers import AnswerError, osrm_match, trace_attributes, trace_route
 from ..errors import WhichroadError
 from ..live.background import give_way, limit_memory, one_thread
+from ..live.trace_worker import ANSWER, Refused, check_body, match_trace, prepare
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 
-OSRM, ATTRIBUTES, ROUTE = b"o", b"a", b"r"  # kinds of requests
+OSRM, ATTRIBUTES, ROUTE, TABLES = b"o", b"a", b"r", b"t"  # kinds of requests
 TOO_MANY_POINTS = 0  # in place of a status: the trace has more points than this process takes
 MOST_MEMORY = 512 * 1024 * 1024  # bytes that requests may take, where the system can limit it
 _VALHALLA = {ATTRIBUTES: trace_attributes, ROUTE: trace_route}
@@ -62,14 +63,20 @@ class Answerer:
         """Status and body; TOO_MANY_POINTS is the status of a trace that is too long.
 
         Args:
-            request: The kind, and for OSRM the coordinates, a line feed and the options.
+            request: The kind, and for OSRM the coordinates, a line feed and the options; for
+                tables the folder that `trace_worker` reads.
         """
         try:
+            if request[:1] == TABLES:
+                return 200, self._tables(Path(os.fsdecode(request[1:])))
             return 200, _json(self._asked(request[:1], request[1:]))
         except AnswerError as error:
             return TOO_MANY_POINTS if error.too_many else error.status, _json(error.answer)
         except MemoryError:
             return 413, _json({"error": "the trace needs more memory than one trace may take"})
+        except Refused as refused:
+            status = TOO_MANY_POINTS if refused.status == 413 else refused.status
+            return status, _json({"error": refused.why})
         except WhichroadError as error:
             return 400, _json({"error": str(error)})
         except Exception:
@@ -80,6 +87,16 @@ class Answerer:
             return _VALHALLA[kind](self._roads, body, **self._how)
         coordinates, _, options = body.decode("latin-1").partition("\n")
         return osrm_match(self._roads, coordinates, options, **self._how)
+
+    def _tables(self, folder: Path) -> bytes:
+        """The answer of `POST /match`.
+
+        Raises:
+            Refused: It cannot be matched, or (413) not here.
+        """
+        check_body(folder)
+        match_trace(folder, self._roads, self._how["most"])
+        return (folder / ANSWER).read_bytes()
 
 
 def _json(answer: dict[str, Any]) -> bytes:
@@ -120,6 +137,8 @@ def main() -> None:
     told = json.loads(requests.read(struct.unpack("<I", requests.read(4))[0]))
     if told["last"]:
         give_way(always=True)
+    else:
+        prepare()
     one_thread()
     roads = RoadMap.open(told["map"])
     vehicle, settings = Vehicle(**told["vehicle"]), Settings(**told["settings"])

@@ -1,6 +1,7 @@
 """The addresses of `whichroad serve`: those of OSRM and Valhalla, `/match` and `/health`."""
 
 import contextlib
+import os
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -9,12 +10,12 @@ from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ..live.access import AccessControl
 from ..live.refusals import HANDLERS, body_of
 from ..live.traces import LARGEST_TRACE, Traces
-from .answering_process import ATTRIBUTES, OSRM, ROUTE, TOO_MANY_POINTS
+from .answering_process import ATTRIBUTES, OSRM, ROUTE, TABLES, TOO_MANY_POINTS
 from .workers import Lane, TooSlow
 
 LARGEST_BODY = 4 * 1024 * 1024  # bytes of a request of Valhalla
@@ -48,7 +49,7 @@ class Endpoints:
     Args:
         usual: Processes for usual traces.
         large: Those for large ones.
-        traces: Answers `POST /match` as `live` does.
+        traces: Answers `POST /match` as `live` does, where a trace is no usual one.
     """
 
     def __init__(self, usual: Lane, large: Lane, traces: Traces) -> None:
@@ -68,7 +69,7 @@ class Endpoints:
                 Route("/osrm", self.osrm),
                 Route("/trace_attributes", self._valhalla(ATTRIBUTES), methods=["GET", "POST"]),
                 Route("/trace_route", self._valhalla(ROUTE), methods=["GET", "POST"]),
-                Route("/match", self.traces.answer, methods=["POST"]),
+                Route("/match", self.tables, methods=["POST"]),
                 Route("/health", self.health),
             ],
             middleware=[
@@ -90,6 +91,23 @@ class Endpoints:
         query = request.scope.get("query_string", b"").decode("latin-1")
         asked = OSRM + f"{parts[3]}\n{query}".encode("latin-1", "replace")
         return await self._answered(asked, parts[3].count(";"))
+
+    async def tables(self, request: Request) -> Response:
+        """`POST /match`: a usual trace by the usual lane, others in a process of their own."""
+        asked = self.traces.asked(request)
+        length = request.headers.get("content-length", "")
+        if not (length.isdecimal() and int(length) <= _LARGE):
+            return await self.traces.answer(request)
+        body = await body_of(request)
+        with contextlib.suppress(TooSlow):
+            async with self.traces.written(asked, body) as folder:
+                status, answer = await self.usual.ask(TABLES + os.fsencode(folder))
+            if status != TOO_MANY_POINTS:
+                headers = {"vary": "accept-encoding"}
+                if asked.gzip and status == 200:
+                    headers["content-encoding"] = "gzip"
+                return Response(answer, status, headers, "application/json")
+        return _Again(body, await self.traces.answer(request))
 
     def _valhalla(self, kind: bytes) -> Callable[[Request], Awaitable[Response]]:
         async def handler(request: Request) -> Response:
@@ -114,6 +132,32 @@ class Endpoints:
     async def health(self, request: Request) -> Response:
         """How the service is doing."""
         return JSONResponse({"ok": True, "usual": _of(self.usual), "large": _of(self.large)})
+
+
+class _Again(Response):
+    """A response that reads the body of its request, which was read before.
+
+    Args:
+        body: The whole body.
+        response: What reads it.
+    """
+
+    def __init__(self, body: bytes, response: Response) -> None:
+        super().__init__()
+        self._body, self._response = body, response
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send what the other one sends."""
+        given = False
+
+        async def again() -> Message:
+            nonlocal given
+            if given:
+                return await receive()
+            given = True
+            return {"type": "http.request", "body": self._body, "more_body": False}
+
+        await self._response(scope, again, send)
 
 
 def _of(lane: Lane) -> dict[str, Any]:
