@@ -1,4 +1,4 @@
-"""The page's columns of estimates, run by Node where it is installed."""
+"""The page's columns of estimates and its list of sensors, run by Node where it is installed."""
 
 import json
 import shutil
@@ -13,9 +13,9 @@ NODE = shutil.which("node")
 pytestmark = pytest.mark.skipif(NODE is None, reason="Node is not installed")
 
 
-def run(script: str) -> Any:
-    """What a script that imports `Series` prints, as JSON."""
-    code = f"import {{ Series }} from {json.dumps((STATIC / 'series.js').as_uri())};\n{script}"
+def run(script: str, name: str = "Series", module: str = "series.js") -> Any:
+    """What a script that imports a name of a module prints, as JSON."""
+    code = f"import {{ {name} }} from {json.dumps((STATIC / module).as_uri())};\n{script}"
     command = [str(NODE), "--input-type=module", "-e", code]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     return json.loads(done.stdout)
@@ -38,3 +38,19 @@ def test_a_clock_that_is_set_back_leaves_the_track_and_its_order(rows: int):
     assert lats == [*range(rows - kept, rows), -1]
     assert times == [*range(501 - kept, 501), 500.5]
     assert found == kept
+
+
+@pytest.mark.parametrize(
+    ("rate", "age", "state", "word"),
+    [
+        (0.0, None, "waiting", "not heard"), (0.0, 0.1, "ok", "heard"), (1.0, 0.4, "ok", "1.0 Hz"),
+        (0.0, 7.0, "silent", "silent 0:07"),
+    ],
+)  # fmt: skip
+def test_a_sensor_that_has_just_begun_is_not_silent(
+    rate: float, age: float | None, state: str, word: str
+):
+    one = {"name": "gnss", "rate_hz": rate, "age_s": age, "learnt": []}
+    (row,) = run(f"console.log(JSON.stringify(sensorRows([], [{json.dumps(one)}])));",
+                 "sensorRows", "beside.js")  # fmt: skip
+    assert (row["name"], row["state"], row["rate"]) == ("GNSS", state, word)

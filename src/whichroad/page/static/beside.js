@@ -6,6 +6,7 @@ const REACH_M = 500; // of the ladder
 const ROWS_AHEAD = 3; // places in the list
 const ROWS_NEAR = 2;
 const LEVELS_FROM = 0.01; // P of a bridge or a tunnel that is worth a word
+const HEARD_S = 2; // s after a reading, within which a sensor without a rate has just begun
 const NAMED_FROM = 0.3; // P from which on a place has its name on the map
 
 const ICONS = {
@@ -177,9 +178,10 @@ function rateOf(rate) {
 }
 
 /** One row for each sensor that was heard, then inputs that do not deliver. */
-function sensorRows(sensors, heard) {
+export function sensorRows(sensors, heard) {
   const rows = heard.map((one) => {
     const doubted = one.doubted ?? [];
+    const heardNow = one.rate_hz > 0 || (one.age_s !== null && one.age_s <= HEARD_S);
     const silent = one.age_s === null ? "not heard" : `silent ${clock(one.age_s)}`;
     const whole = doubted.includes("readings") || doubted.includes("fixes");
     const parts = [learntOf(one)];
@@ -187,8 +189,8 @@ function sensorRows(sensors, heard) {
     if (one.withheld) parts.push(`${one.withheld.toLocaleString("en")} readings left out`);
     return {
       name: SENSOR[one.name] ?? one.name,
-      state: one.rate_hz > 0 ? (doubted.length ? "doubted" : "ok") : one.age_s === null ? "waiting" : "silent",
-      rate: one.rate_hz > 0 ? rateOf(one.rate_hz) : silent,
+      state: heardNow ? (doubted.length ? "doubted" : "ok") : one.age_s === null ? "waiting" : "silent",
+      rate: one.rate_hz > 0 ? rateOf(one.rate_hz) : heardNow ? "heard" : silent,
       word: whole ? (one.name === "gnss" ? "does not fit" : "withheld") : "",
       more: parts.filter(Boolean).join(" · "),
       title: one.further && one.misfits !== null ? `${one.misfits} readings fitted nothing` : "",
