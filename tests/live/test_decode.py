@@ -100,6 +100,19 @@ def test_a_clock_offset_moves_the_fixes(log):
     assert a.time - b.time == 1.5
 
 
+@pytest.mark.parametrize("size", [1, 7, 64, 10_000])
+def test_rubbish_between_sentences_counts_once_for_each_stretch(log, size):
+    first, second, third = bursts(log)[:3]
+    content = b"\n".join(
+        (first, b"\x00noise\n" * 15, second, b"more noise", third, b"at the end\n")
+    )
+    stream = NmeaStream()
+    fixes = [f for k in range(0, len(content), size) for f in stream.feed(content[k : k + size])]
+    assert len(fixes + stream.flush()) == 3
+    assert stream.skipped_why == {"stretch of bytes outside NMEA sentences": 3}
+    assert stream.skipped == 3
+
+
 def test_random_bytes_give_no_fix_and_take_no_memory(log):
     rng = np.random.default_rng(2)
     stream = NmeaStream()

@@ -138,6 +138,22 @@ def test_a_service_of_once_ends_with_standard_input(files, ride, tmp_path):
 
 
 @pytest.mark.slow
+def test_what_was_skipped_of_standard_input_is_told_at_its_end(files, ride):
+    text = b"".join(itertools.islice(on_air(nmea_text(ride).encode(), int(time.time()) - 60), 12))
+    garbled = text.replace(b"*", b"9*", 1) + b"rubbish\n" * 20
+    options = ("--map", files / "town.map", "--nmea", "-", "--once")
+    with Served(*options, stdin=subprocess.PIPE) as served:
+        os.write(served.process.stdin.fileno(), garbled)
+        served.process.stdin.close()
+        served.process.stdin = None
+        _, said = served.process.communicate(timeout=60)
+    assert said.splitlines() == [
+        "Ctrl-C stops the service",
+        "skipped: wrong checksum: 1, stretch of bytes outside NMEA sentences: 1",
+    ]
+
+
+@pytest.mark.slow
 def test_a_played_log_without_a_date_or_with_garbled_lines_is_told_so(files, ride, tmp_path):
     lines = nmea_text(ride).splitlines(keepends=True)
     played = [line for line in lines if line[3:6] not in ("RMC", "ZDA")][:60]

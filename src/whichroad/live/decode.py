@@ -67,9 +67,15 @@ class NmeaStream:
 
     @property
     def skipped(self) -> int:
-        """What could not be used."""
+        """How much could not be used."""
         sensed = 0 if self._sensors is None else sum(self._sensors.skipped.values())
         return sum(self._parser.skipped.values()) + sum(self._ubx.skipped.values()) + sensed
+
+    @property
+    def skipped_why(self) -> Counter[str]:
+        """The same by reason."""
+        sensed = Counter[str]() if self._sensors is None else self._sensors.skipped
+        return Counter(self._parser.skipped) + Counter(self._ubx.skipped) + sensed
 
     def sensed(self) -> list[Observation]:
         """What wheels and gyro have measured since the last call."""

@@ -130,7 +130,7 @@ class FilterLoop:
         """
         now = self._clock()
         if not recorded and not self._in_time(observations, now):
-            health.skipped += len(observations)
+            health.untimely += len(observations)
             return
         has_fix = self.observe(observations)
         if has_fix:

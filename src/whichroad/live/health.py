@@ -1,7 +1,7 @@
 """How the inputs and the service itself are doing, in numbers that do not grow."""
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -27,7 +27,8 @@ class Health:
 
     Attributes:
         count: Observations so far.
-        skipped: Records that could not be used, as the source counts them.
+        skipped_why: How many records could not be used, by reason, as the source counts them.
+        untimely: Readings that the filter refused by their times, and counts by reason itself.
         refused: Fixes and readings of a second sender on its port.
         link: `waiting`, `open`, `lost` or `ended`.
         reason: Why it is lost, for everybody: without a path.
@@ -41,7 +42,8 @@ class Health:
         self.name, self.kind, self._report = name, kind, report
         self.reason: str | None = None
         self._told: str | None = None  # the last reason that was told since it spoke
-        self.count = self.skipped = self.refused = 0
+        self.count = self.untimely = self.refused = 0
+        self.skipped_why: Counter[str] = Counter()
         self.link = "waiting"
         self.delay: float | None = None
         self.receiver = UNKNOWN
@@ -49,6 +51,11 @@ class Health:
         self._interval: float | None = None
         self._made: deque[float] = deque(maxlen=_MADE)
         self._counts: deque[tuple[float, int]] = deque()
+
+    @property
+    def skipped(self) -> int:
+        """How many records could not be used."""
+        return self.skipped_why.total() + self.untimely
 
     def open(self) -> None:
         """The link is there."""

@@ -9,6 +9,7 @@ Without a time a reading is of the moment at which it comes.
 import json
 import math
 import time
+from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
@@ -39,6 +40,11 @@ class ReadingLines:
         self._held, self._endless = b"", False
         self._ready: list[SensorReading] = []
         self.skipped = 0
+
+    @property
+    def skipped_why(self) -> Counter[str]:
+        """The same by reason."""
+        return Counter({"line without a reading": self.skipped})
 
     @property
     def receiver(self) -> ReceiverStatus:

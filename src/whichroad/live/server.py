@@ -168,7 +168,8 @@ class Run:
             self.player = Player(
                 filter_loop, RecordedObservations(plan.recording, plan.laps), speed=plan.speed
             )
-            filter_loop.sensor("recording", "file").skipped = sum(plan.recording.skipped.values())
+            played = filter_loop.sensor("recording", "file")
+            played.skipped_why = Counter(plan.recording.skipped)
             if filter_loop.buffer.now > 0.0:
                 self.player.start_at(filter_loop.buffer.now)
             return []
@@ -202,18 +203,22 @@ class Run:
         """The recording has ended, or standard input: no other input ends."""
         if self.player is not None:
             await self.player.ended.wait()
-            self._tell_skipped()
         else:
             await asyncio.wait(inputs, return_when=asyncio.FIRST_COMPLETED)
+        self._tell_skipped()
         if not self.plan.once:
             return
         await asyncio.sleep(0.2)
         self.stop()
 
     def _tell_skipped(self) -> None:
-        """What the readers of a recording and the filter did not take, in a line."""
-        recording, skipped = self.plan.recording, self.filter_loop.health()["skipped"]
-        if recording is not None and (counts := Counter(recording.skipped) + Counter(skipped)):
+        """What the readers of the inputs and the filters did not take, in a line."""
+        counts = Counter[str]()
+        for loop in (vehicle.filter_loop for vehicle in self.vehicles):
+            for health in loop.sensors.values():
+                counts += health.skipped_why
+            counts += Counter(loop.health()["skipped"])
+        if counts:
             self.plan.report(f"skipped: {by_reason(counts)}")
 
     async def _guard(self, work: Coroutine[Any, Any, None]) -> None:

@@ -10,6 +10,7 @@ import os
 import socket
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -28,6 +29,7 @@ QUIET = 0.03  # s of silence that end a burst
 _DEAD = 15.0  # s without a byte, after which a connection is renewed
 _FIRST, _MOST = 0.2, 5.0  # s, first and longest wait between two tries
 _MOST_BYTES = 500_000  # bytes per second, at most; 460,800 baud are 46,000
+_TOO_FAST = "piece of data that came too fast"
 _MOST_PEERS = 16  # peers of a listening port, at most
 
 
@@ -57,6 +59,7 @@ class NmeaInput:
         self.port: OneSender | None = None
         self._sensors = sensors or (lambda: health)
         self._health, self._stream, self._deliver = health, stream, deliver
+        self._counted: Counter[str] = Counter()  # what the decoder had skipped
         self._quiet: asyncio.TimerHandle | None = None
         self._arrival = 0.0
         self._allowance, self._filled = float(_MOST_BYTES), time.perf_counter()
@@ -69,12 +72,11 @@ class NmeaInput:
         self._allowance += (now - self._filled) * _MOST_BYTES
         self._allowance, self._filled = min(self._allowance, _MOST_BYTES), now
         if len(data) > self._allowance:
-            self._health.skipped += 1
+            self._health.skipped_why[_TOO_FAST] += 1
             return
         self._allowance -= len(data)
-        before = self._stream.skipped
         fixes = self._stream.feed(data)
-        self._health.skipped += self._stream.skipped - before
+        self._count()
         sensed = self._stream.sensed()
         if sensed and self.port is not None and not self.port.hears(self):
             self._health.refused += len(sensed)
@@ -103,6 +105,14 @@ class NmeaInput:
 
     def _flush(self) -> None:
         self._pass_on(self._stream.flush())
+        self._count()
+
+    def _count(self) -> None:
+        """Add what the decoder has skipped since the last call."""
+        if self._stream.skipped != self._counted.total():
+            now = self._stream.skipped_why
+            self._health.skipped_why += now - self._counted
+            self._counted = now
 
     def _pass_on(self, fixes: Sequence[Observation]) -> None:
         if fixes and self.port is not None and not self.port.takes(self):
@@ -300,7 +310,7 @@ async def read_can(address: Address, health: Health, stream: CanStream, deliver:
         name = key(frame.arbitration_id, frame.is_extended_id)
         readings = stream.feed(name, frame.timestamp, bytes(frame.data))
         health.open()
-        health.skipped = stream.skipped
+        health.skipped_why = stream.skipped_why
         if readings:
             deliver(health, readings, arrival)
 

@@ -32,7 +32,7 @@ _CLOCK_SET = 3600.0  # s, step back of time that means a newly set clock
 _PLACES = ("GGA", "GNS", "RMC")  # sentences with a position
 _SURE = 3  # bursts that must end alike before their end is known
 _NO_FIX = "epoch without a fix"
-_FOREIGN = "bytes outside NMEA sentences"
+_FOREIGN = "stretch of bytes outside NMEA sentences"
 _LATE = "time running backwards"
 _NO_CHECKSUMS = "no checksums in the log: sentences were used as they are"
 
@@ -106,6 +106,7 @@ class NmeaParser:
         self._calendar = _Calendar(day=int(today // 86_400))
         self._ends = _BurstEnds()
         self._line = b""
+        self._outside = False  # other bytes than of a sentence came last
         self._waiting: list[Sentences] = []
         self._last = -np.inf
 
@@ -120,8 +121,10 @@ class NmeaParser:
         if end == 0:
             return []
         found, foreign = scan(data[:end], self.skipped, self.others)
-        if foreign > 0:
-            self.skipped[_FOREIGN] += foreign
+        if foreign.any():
+            goes_on = self._outside and bool(foreign[0])
+            self.skipped[_FOREIGN] += int(foreign.sum()) - goes_on
+        self._outside = bool(foreign[-1])
         waiting = sum(map(len, self._waiting))
         done = self._ends.done(found)
         self._waiting.append(found)

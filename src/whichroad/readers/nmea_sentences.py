@@ -134,7 +134,7 @@ def sealed(data: bytes) -> bytes:
     return b"".join(lines)
 
 
-def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences, int]:
+def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences, Bools]:
     """Find and read the sentences of a block of bytes.
 
     Args:
@@ -143,7 +143,8 @@ def scan(data: bytes, skipped: Skipped, others: Counter[str]) -> tuple[Sentences
         others: Counts good sentences of types that are not needed.
 
     Returns:
-        The sentences, and how many bytes belong to no sentence.
+        The sentences, and whether other bytes stand before each `$` that begins one, good or
+        not, and behind the last.
     """
     text = np.frombuffer(data, np.uint8)
     start, star, foreign = _frames(text, skipped)
@@ -206,8 +207,8 @@ def _read(
     return tod, values
 
 
-def _frames(text: Bytes, skipped: Skipped) -> tuple[Ints, Ints, int]:
-    """Where good sentences begin (`$`) and end (`*`), and the bytes outside of any sentence."""
+def _frames(text: Bytes, skipped: Skipped) -> tuple[Ints, Ints, Bools]:
+    """Where good sentences begin (`$`) and end (`*`), and between which ones other bytes stand."""
     dollar = np.flatnonzero(text == ord("$"))
     breaks = np.flatnonzero((text == ord("\n")) | (text == ord("\r")))
     stars = np.flatnonzero(text == ord("*"))
@@ -224,7 +225,8 @@ def _frames(text: Bytes, skipped: Skipped) -> tuple[Ints, Ints, int]:
     star = _next(stars, dollar, len(text))
     keep(address | ~at_line | (star < end), TRUNCATED, skipped)
     keep(address | ~at_line | (star >= end), PROPRIETARY, skipped)
-    used = int((end - dollar)[address | at_line].sum())
+    begun = address | at_line
+    foreign = _foreign(dollar[begun], end[begun], breaks, len(text))
     dollar, end, proprietary, star = (x[address] for x in (dollar, end, proprietary, star))
 
     whole = (star + 3 <= end) & (star - dollar < LONGEST)
@@ -237,7 +239,15 @@ def _frames(text: Bytes, skipped: Skipped) -> tuple[Ints, Ints, int]:
     keep(good, CHECKSUM, skipped)
     keep(~(good & proprietary), PROPRIETARY, skipped)
     good &= ~proprietary
-    return dollar[good], star[good], len(text) - used - len(breaks)
+    return dollar[good], star[good], foreign
+
+
+def _foreign(start: Ints, end: Ints, breaks: Ints, length: int) -> Bools:
+    """(n + 1,) whether more than line breaks stands before each sentence and behind the last."""
+    begin, until = np.append(0, end), np.append(start, length)
+    between: Ints = np.searchsorted(breaks, until) - np.searchsorted(breaks, begin)
+    other: Bools = until - begin > between
+    return other
 
 
 def _at(values: NDArray[np.generic], index: Ints) -> NDArray[np.generic]:
