@@ -129,6 +129,40 @@ def test_old_fixes_that_come_at_once_begin_nothing_anew():
     assert online.skipped == {"late": 300}
 
 
+def batched(until: float) -> Localizer:
+    """60 s of fixes as they come, and of wheels once a second, as far as a time of the drive."""
+    online, time = Localizer(TOWN, vehicle=CAR), STRAIGHT.time
+    held: list[WheelTicks] = []
+    for k, reading in enumerate(ticks(wheels(STRAIGHT))[:600]):
+        held.append(reading)
+        if k % 10 == 0:
+            online.update(town_fix(STRAIGHT.x[k], -1.75, time[k], bearing_deg=90.0))
+        if k % 10 == 3 or time[k] > until:
+            for one in held:
+                online.update(one)
+            held = []
+    return online
+
+
+def test_wheels_that_come_in_batches_behind_the_fixes_are_noted():
+    online = batched(60.0)
+    assert online.skipped["late"] > 300
+    kinds = ("odometry: late", "odometry: clock")
+    (noted,) = [found for found in online.diagnosis if found.what in kinds]
+    assert (noted.what, noted.level) == ("odometry: late", "information")
+    assert noted.statistic > 0.3
+    assert "sort all by their times" in noted.advice
+
+
+def test_a_few_late_batches_are_not_noted_and_what_was_is_forgotten():
+    assert not [found for found in batched(3.0).diagnosis if found.what == "odometry: late"]
+    online = batched(30.0)
+    assert [found for found in online.diagnosis if found.what == "odometry: late"]
+    for reading in ticks(wheels(STRAIGHT))[600:1200]:
+        online.update(reading)
+    assert not [found for found in online.diagnosis if found.what == "odometry: late"]
+
+
 @pytest.mark.parametrize("late", [0.1, 1.0])
 def test_fixes_of_ordinary_latency_name_no_clock(late: float):
     online, _, named = drive({}, 120.0, late=late)

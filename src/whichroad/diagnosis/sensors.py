@@ -119,6 +119,22 @@ def refused_finding(kind: str, behind: float, refused: float) -> Finding:
     return Finding(f"{kind}: clock", "warning", behind, -_BEHIND, _BEHIND, text)
 
 
+def late_finding(kind: str, share: float, most: float) -> Finding:
+    """Readings on line of which many are refused, as later ones of others came before them.
+
+    Args:
+        kind: As of `refused_finding`.
+        share: How many of them lately.
+        most: From which share on that is worth a note.
+    """
+    who, others = _READINGS[kind]
+    return Finding(
+        f"{kind}: late", "information", share, 0.0, most,
+        f"of {who} {share:.0%} were refused lately: they came after {others} of later times; sort "
+        "all by their times before, as whichroad live does",
+    )  # fmt: skip
+
+
 # what is wrong throughout: how much of the motion it measured, and what to do
 _COLUMNS = {
     STANDS: (

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from threading import RLock
 
 from ..diagnosis.finding import Finding
-from ..diagnosis.sensors import refused_finding
+from ..diagnosis.sensors import late_finding, refused_finding
 from ..observations import GeoFix, Observation, SensorReading, StartPose
 from ..sensors.validation import check_time
 from .epoch_filter import EpochFilter
@@ -17,6 +17,8 @@ _FIX_LATE = 1.0  # s; a fix later than this is refused, and odometry that is lat
 _MOST, _TAKEN = 20, 4  # refused readings that are remembered; what one taken makes up for
 _BLIND = 30.0  # s in which all fixes were refused, to begin anew at their time
 _NAMED = 5.0  # s in which most of a kind were refused, to be named
+_LATELY = 1.0 / 300.0  # weight of one reading in the share that is late
+_MUCH = 0.1  # share of late readings, to be noted
 APART = 60.0  # s between readings that no latency explains: of another clock, or a pause
 _STEADY = 5.0  # s by which it may change meanwhile
 SET_BACK = "clock set back: started anew"
@@ -30,13 +32,14 @@ class Stream:
     Attributes:
         ahead: Whether readings far ahead of the fixes are refused.
         behind: By so much, s; less than 0: ahead.
+        late: The share that was refused as late, of some hundred readings before.
     """
 
-    __slots__ = ("_alone", "_begin", "_score", "_until", "ahead", "behind")
+    __slots__ = ("_alone", "_begin", "_score", "_until", "ahead", "behind", "late")
 
     def __init__(self) -> None:
         self._score, self.ahead = 0, False
-        self._begin = self._until = self.behind = 0.0
+        self._begin = self._until = self.behind = self.late = 0.0
         self._alone: tuple[float, float] | None = None  # time, behind at the first since one taken
 
     @property
@@ -47,6 +50,7 @@ class Stream:
     def took(self) -> None:
         """A reading was taken."""
         self._score, self._alone, self.ahead = max(self._score - _TAKEN, 0), None, False
+        self.late -= _LATELY * self.late
 
     def refuse(self, now: float, behind: float) -> None:
         """A reading was refused.
@@ -55,6 +59,7 @@ class Stream:
             now: Time of the newest of all readings, s.
             behind: By so much the reading was behind it, s.
         """
+        self.late += _LATELY * ((behind > 0.0) - self.late)
         if not self._score:
             self._begin = now
         if not self._score or now != self._until:  # later ones of an interval are less behind
@@ -86,11 +91,12 @@ class Streams:
         return self.further if isinstance(observation, SensorReading) else self.odometry
 
     def findings(self) -> tuple[Finding, ...]:
-        """Those of which most are refused, by their times."""
+        """Those of which most are refused by their times, or many as late."""
         kinds = (("gnss", self.fixes), ("odometry", self.odometry), ("readings", self.further))
         return tuple(
-            refused_finding(name, one.behind, one.refused)
-            for name, one in kinds if one.refused >= _NAMED
+            refused_finding(name, one.behind, one.refused) if one.refused >= _NAMED
+            else late_finding(name, one.late, _MUCH)
+            for name, one in kinds if one.refused >= _NAMED or one.late > _MUCH
         )  # fmt: skip
 
 
