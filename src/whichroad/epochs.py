@@ -47,6 +47,7 @@ class Timeline:
     wrong: tuple[str, ...] = ()  # what of the odometry is wrong throughout, see `whole_columns`
     delay: float = 0.0  # s by which fixes are late against the odometry as it was recorded
     late: float = 0.0  # s by which they still are in the epochs
+    tick: float = 0.0  # rad that the wheels' counters resolve; 0: they measure no turns
 
     @property
     def interval(self) -> float:
@@ -172,10 +173,11 @@ def build_timeline(
         epochs.course[at], epochs.course_sigma[at] = heading[keep], sigma[keep]
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
     takeover = None if motion is None else motion.takeover
-    if sensed is None:
-        return Timeline(epochs, mode, masked, NO_EVIDENCE, (), takeover, wrong, delay, late)
-    heard = _heard(epochs, told, sensed)
-    return Timeline(epochs, mode, masked, heard, sensed.names, takeover, wrong, delay, late)
+    tick = motion.tick if motion is not None and mode == WHEELS else 0.0
+    heard, names = (NO_EVIDENCE, ()) if sensed is None else (
+        _heard(epochs, told, sensed), sensed.names
+    )  # fmt: skip
+    return Timeline(epochs, mode, masked, heard, names, takeover, wrong, delay, late, tick)
 
 
 def _kept(

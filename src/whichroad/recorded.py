@@ -12,7 +12,12 @@ from .diagnosis.findings import findings_of
 from .diagnosis.further_sensors import further_findings, readings_of
 from .diagnosis.map_offset import MapError, map_error_of
 from .diagnosis.sensor_states import SensorTrack, states_of
-from .diagnosis.sensors import column_findings, sensor_findings, takeover_findings
+from .diagnosis.sensors import (
+    column_findings,
+    sensor_findings,
+    takeover_findings,
+    tick_findings,
+)
 from .epochs import Timeline
 from .errors import DriveError
 from .filter.lookback.history import is_full, new_history
@@ -147,7 +152,7 @@ def localize_recorded(
 
     def diagnose() -> tuple[Finding, ...]:
         # settings are not judged by sensors that are wrong
-        return (*further, *(withheld or fit()))
+        return (*further, *tick_findings(timeline.tick), *(withheld or fit()))
 
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:

@@ -11,7 +11,15 @@ import whichroad
 from whichroad.diagnosis.finding import Finding
 from whichroad.diagnosis.findings import _chance, findings
 from whichroad.diagnosis.statistics import ConsistencyStatistics, Row
-from whichroad.observations import Array, Drive, WheelTicks
+from whichroad.observations import (
+    Array,
+    Drive,
+    WheelCounts,
+    WheelTicks,
+    WithGyro,
+    YawRates,
+)
+from whichroad.online import Localizer
 from whichroad.readers.reported_fixes import as_records
 from whichroad.settings import Settings, Vehicle
 from whichroad.simulate import SimulationSettings, draw_town, simulate_drive
@@ -240,6 +248,37 @@ def test_after_a_short_way_it_is_hardly_known_how_far_the_map_is_off(town):
     short = whichroad.match(begun, roads).summary["map_error"]
     assert short["sigma_m"] > 0.5 * short["local_m"] > 1.0
     assert whichroad.match(drive, roads).summary["map_error"]["sigma_m"] < short["sigma_m"]
+
+
+def counted(drive: Drive, tick: float) -> tuple[Drive, Vehicle]:
+    """A drive whose wheels are counted by ticks of so many metres, and its car."""
+    usual, wheels = Vehicle(), drive.odometry
+    assert isinstance(wheels, WheelCounts)
+    left = np.floor(wheels.left * usual.metres_per_tick_left / tick)
+    right = np.floor(wheels.right * usual.metres_per_tick_right / tick)
+    car = replace(usual, metres_per_tick_left=tick, metres_per_tick_right=tick)
+    return replace(drive, odometry=WheelCounts(wheels.time, left, right)), car
+
+
+@pytest.mark.parametrize(("tick", "degrees"), [(0.1, None), (0.2, "11"), (1.0, "54")])
+def test_ticks_in_which_turns_are_lost_are_noted(town, tick: float, degrees: str | None):
+    roads, _ = town
+    coarse, car = counted(simulate_drive(roads, seed=3, length_m=1000.0).drive, tick)
+    recorded = whichroad.match(coarse, roads, vehicle=car).diagnosis
+    online = Localizer(roads, vehicle=car)
+    log = coarse.odometry
+    wheels = [WheelTicks(*row) for row in zip(log.time, log.left, log.right, strict=True)]
+    for one in sorted([*as_records(coarse.fixes), *wheels], key=lambda each: each.time):
+        online.take(one)
+    for told in (recorded, online.diagnosis):
+        noted = [one for one in told if one.what == "wheels: ticks"]
+        assert [one.level for one in noted] == ["information"] * (degrees is not None)
+        assert all(f"a turn to {degrees} degrees" in one.advice for one in noted)
+    gyro = WithGyro(
+        log, YawRates(log.time, np.gradient((log.right - log.left) * tick / 1.5, log.time))
+    )
+    beside = whichroad.match(replace(coarse, odometry=gyro), roads, vehicle=car).diagnosis
+    assert not [one for one in beside if one.what == "wheels: ticks"]
 
 
 def test_of_a_map_nothing_is_told_without_wheels(town):

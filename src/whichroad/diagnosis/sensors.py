@@ -32,6 +32,7 @@ _READINGS = {
     "odometry": ("odometry readings", "the fixes"),
     "readings": ("readings of further sensors", "the others"),
 }
+_COARSE = 0.15  # rad that a tick of each wheel turns, above which it is noted
 _DEGREES = 0.1  # and above that, below which they may be in degrees
 _STUCK = 0.0175  # rad that a course turns in a window, below which it hardly changes
 _ALIKE = 0.8  # mean of unit vectors above which courses are off by the same angle
@@ -164,6 +165,22 @@ def column_findings(wrong: Sequence[str]) -> tuple[Finding, ...]:
         wrong: As of `sensors.whole_columns.less_wrong`.
     """
     return tuple(map(_column, wrong))
+
+
+def tick_findings(turn: float) -> tuple[Finding, ...]:
+    """Counters of wheels so coarse that turns are lost in their ticks.
+
+    Args:
+        turn: That they resolve, rad (`sensors.odometry.turn_of_ticks`); 0: they measure none.
+    """
+    if turn <= _COARSE:
+        return ()
+    text = (
+        f"their ticks tell a turn to {degrees(turn):.0f} degrees, and smaller ones are lost; use "
+        "finer counters, or give the distance as a plain odometer, with a yaw rate where there is "
+        "one"
+    )
+    return (Finding("wheels: ticks", "information", turn, 0.0, _COARSE, text),)
 
 
 def takeover_findings(takeover: Takeover | None) -> tuple[Finding, ...]:

@@ -6,14 +6,18 @@ from ..diagnosis.findings import Finding, findings
 from ..diagnosis.further_sensors import further_findings
 from ..diagnosis.map_offset import map_error_of, outside_finding, outside_of
 from ..diagnosis.sensor_states import SensorState, states_of
-from ..diagnosis.sensors import sensor_findings, takeover_findings
+from ..diagnosis.sensors import sensor_findings, takeover_findings, tick_findings
 from ..diagnosis.statistics import ConsistencyStatistics
+from ..filter.vetting.windows import BY_WHEELS
+from ..observations import WheelTicks
 from ..places import Places
 from ..roadmap import RoadMap
 from ..sensors import Sensor
 from ..sensors.gyro_turns import GyroTurns
+from ..sensors.odometry import turn_of_ticks
 from .answering import Answering
 from .epoch_filter import EpochFilter
+from .localizer_state import Reading
 from .pauses import Streams
 from .sensing import Sensing
 
@@ -28,6 +32,7 @@ class Watched:
     _statistics: ConsistencyStatistics
     _answers: Answering
     _gyro: GyroTurns
+    _reading: Reading | None
     _streams: Streams
 
     @property
@@ -78,6 +83,8 @@ class Watched:
                 return elsewhere
             streams = self._streams.findings()
             further = (*elsewhere, *streams, *further_findings(names, state.sensors))
+            if isinstance(self._reading, WheelTicks) and self._gyro.by == BY_WHEELS:
+                further += tick_findings(turn_of_ticks(self._statistics.vehicle))
             named = takeover_findings(self._gyro.takeover)
             if named:  # settings are not judged by sensors that are wrong
                 return (*further, *named, *sensor_findings(state.vetting))

@@ -50,6 +50,7 @@ class Motion(NamedTuple):
     gyro: bool = False  # whether a gyro alone measures it: its drift runs in time
     by: Array | None = None  # (n,) what measures each step, as `filter.vetting.windows` counts it
     takeover: Takeover | None = None  # of a gyro beside wheels: which of them is wrong
+    tick: float = 0.0  # rad that ticks of the wheels that measure it resolve (`turn_of_ticks`)
 
 
 def _integral(time: Array, rate: Array) -> Array:
@@ -95,7 +96,15 @@ def motion_of(log: OdometryLog, vehicle: Vehicle, fixes: Fixes | None = None) ->
             if not isinstance(log.distance, WheelCounts):  # speeds tell nothing of a silence
                 one.by[one.by == HEARD_AGAIN] = GYRO_ALONE
             return Motion(one.time, one.distance, one.turn, by=one.by, takeover=one.takeover)
-    return Motion(log.time, 0.5 * (left + right), (right - left) / vehicle.track_width)
+    tick = turn_of_ticks(vehicle) if isinstance(log, WheelCounts) else 0.0
+    turn = (right - left) / vehicle.track_width
+    return Motion(log.time, 0.5 * (left + right), turn, tick=tick)
+
+
+def turn_of_ticks(vehicle: Vehicle) -> float:
+    """The turn that counters of wheels resolve, rad: a tick of each wheel, independently."""
+    ticks = vehicle.metres_per_tick_left, vehicle.metres_per_tick_right
+    return math.hypot(*ticks) / vehicle.track_width
 
 
 def true_rate(rate: Rate, vehicle: Vehicle) -> Rate:
