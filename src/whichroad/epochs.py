@@ -21,6 +21,7 @@ from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
 from .observations import Array, Drive, Fixes, SensorReading, WithGyro
 from .sensors.clock_delay import delay_of
+from .sensors.filled_gaps import filled_gaps
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .sensors.takeover import Takeover
@@ -171,6 +172,8 @@ def build_timeline(
         epochs.fix[at] = fix[keep]
         epochs.speed[at], epochs.speed_sigma[at] = fixes.speed[keep], fixes.sigma_speed[keep]
         epochs.course[at], epochs.course_sigma[at] = heading[keep], sigma[keep]
+        if motion is None:
+            epochs.filled[at] = filled_gaps(time[at], fix[keep, :2], fix[keep, 2], [0])
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
     takeover = None if motion is None else motion.takeover
     tick = motion.tick if motion is not None and mode == WHEELS else 0.0
@@ -265,6 +268,7 @@ def epochs_of_fixes(
     epochs.time, epochs.has_fix = fixes.time, 1
     epochs.speed, epochs.speed_sigma = fixes.speed, fixes.sigma_speed
     epochs.fix, epochs.course, epochs.course_sigma = fix_rows(fixes, plane)
+    epochs.filled = filled_gaps(epochs.time, epochs.fix[:, :2], epochs.fix[:, 2], first)
     return epochs, np.logical_and.reduceat(apart, first) if len(first) else apart[:0]
 
 

@@ -246,10 +246,15 @@ def _match_one(
         partial(traversals, timeline.epochs, recorded.output, recorded.chain, roads.arrays)
     )
     diagnosis = cache(lambda: recorded.diagnosis)
+
+    def placed() -> Output:
+        driven()  # which puts epochs of filled gaps on the path
+        return recorded.output
+
     return Result(
         lambda: with_map(
             points_table(
-                drive.drive_id, timeline.epochs, recorded.output, roads, attributes=attributes
+                drive.drive_id, timeline.epochs, placed(), roads, attributes=attributes
             ),
             roads.identity,
         ),

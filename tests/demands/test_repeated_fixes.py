@@ -3,10 +3,11 @@
 import datetime as dt
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from demands.town import corners, fixes, roads
-from whichroad import Localizer, match
+from whichroad import Localizer, match, match_many
 from whichroad.observations import GeoFix
 
 FROM, TO = 22, 34  # rows of the same place
@@ -63,3 +64,34 @@ def test_a_vehicle_that_stands_is_not_moved_by_a_receiver_that_holds_its_place()
     stay = result.points.iloc[n + 8 :]
     assert np.ptp(stay.lon) < 1e-4
     assert (stay.status == "stopped").iloc[-1]
+
+
+def tunnel() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """The same with a gap of 60 s, around a corner; and without these rows."""
+    table = {k: np.asarray(v) for k, v in fixes(corners("20", "24", "44"), speed=14.0).items()}
+    true, last = {k: v.copy() for k, v in table.items()}, FROM + 40
+    for name in ("lat", "lon"):
+        table[name] = table[name].copy()
+        table[name][FROM:last] = table[name][FROM]
+    return table, true
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+def test_places_in_a_gap_that_was_filled_are_on_the_path_between(lag):
+    table, true = tunnel()
+    result = match(table, roads(), lag=lag)
+    points, gap = result.points, slice(FROM + 1, FROM + 40)
+    north = 111_195.0 * (points.lat.to_numpy() - true["lat"])
+    east = 111_195.0 * np.cos(np.radians(49.4)) * (points.lon.to_numpy() - true["lon"])
+    off = np.hypot(north, east)
+    assert np.all(off[gap] < 60.0)
+    assert not np.any(off > points.protection_level_m)
+    assert np.all(points.p_road[gap] < 0.999)
+    assert set(points.status[gap]) == {"outage"}
+    assert np.all(result.path.mean_speed_mps < 25.0)
+    [found] = [f for f in result.diagnosis if f.what == "gnss: repeated"]
+    assert found.statistic == pytest.approx(39.0, abs=1.0)
+    trips = {**table, "drive_id": np.full(len(table["lat"]), "a")}
+    many = match_many(pa.table(trips), roads(), lag=lag)
+    assert many.points["lat"].to_pylist() == points.lat.tolist()
+    assert "gnss: repeated" in " ".join(many.drives["notes"].to_pylist()[0])

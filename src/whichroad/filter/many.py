@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 from .._compile import Array, Ints, Record, Records, entry, kernel
 from ..graph.network import Roads
 from ._simd import copy_record
+from .lookback.gaps import place_in_gaps
 from .lookback.history import History
 from .lookback.passage import Traversals, broken_rules, first_epochs, time_edges
 from .state import NO_EDGE, OFF_ROAD, Belief, Context, Epochs, Path, most_probable
@@ -141,3 +142,4 @@ def time_each(
             known -= 1
         last = known - low if known >= low else high - low - 1
         time_edges(roads, driven, first, epochs[low:high], estimates[low:high], last)
+        place_in_gaps(roads, driven, epochs[low:high], estimates[low:high])

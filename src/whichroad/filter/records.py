@@ -24,6 +24,7 @@ EPOCH = np.dtype(  # what the sensors said at one moment, and since the one befo
         ("course_sigma", "f8"),  # inf: not reported
         ("odometry_valid", "u1"),  # 1: measured; 2: until the next reading; 0: extrapolated
         ("has_fix", "u1"),
+        ("filled", "u1"),  # 1: the fix repeats an earlier one, as later ones prove
         ("gyro", "u1"),  # what measures the turn: BY_WHEELS ... of `vetting.windows`
         ("evidence", "u1"),  # rows of `Work.evidence`, of further sensors
         ("first_evidence", "i4"),  # the first of them

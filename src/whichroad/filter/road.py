@@ -23,7 +23,7 @@ from .beside import gain_beside, update_beside
 from .gaussian import LOG_2PI, update, update_across, update_state
 from .one_course import ROWS, weigh_rows
 from .slow_states import decay_map, map_decay
-from .state import MX, MY, OFF_ROAD, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
+from .state import MX, MY, OFF_ROAD, START, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
 from .unmapped import followed
 
 _MIDDLE, _NEAR, _FAR = 0.402, 0.244, 0.055  # normal weights at 0, ±σ, ±2σ, summing to one
@@ -70,6 +70,17 @@ def track(belief: Belief, roads: Roads, i: int) -> None:
     hyp.lateral = across / scale
     hyp.tangent[0] = tx
     hyp.tangent[1] = ty
+
+
+@kernel
+def map_is_due(state: Record, ctx: Context) -> bool:
+    """Whether the map is observed in this epoch: by distance, in the paper by time."""
+    par = ctx.par[0]
+    if state.motion == START:
+        return True
+    if par.paper:
+        return bool(state.time - state.map_time > par.paper_step - 1e-3)
+    return bool(state.since_map >= par.map_spacing)
 
 
 @entry

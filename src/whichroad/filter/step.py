@@ -33,7 +33,7 @@ from .motion import (
     predict_plane,
     wheel_noise,
 )
-from .road import observe_map
+from .road import map_is_due, observe_map
 from .roads_left import watch_roads
 from .silent_wheels import roam
 from .sparse.candidates import learn_driver
@@ -58,6 +58,7 @@ from .state import (
     normalise,
 )
 from .summary.estimate import Output, describe
+from .summary.waiting import wait
 from .vetting.windows import BY_GYRO, HEARD_AGAIN, is_alone
 
 _EXCHANGE = 25.0  # m between exchanges with off the roads
@@ -88,7 +89,7 @@ def step(
     if epoch.evidence > 0 and not ctx.par[0].paper:
         observe_evidence(belief, ctx, epoch.first_evidence, epoch.evidence)  # further sensors
     _branch(belief, path, ctx, epoch)  # S_k, B(i, j)
-    if _map_is_due(state, ctx):
+    if map_is_due(state, ctx):
         _observe_map(belief, history, ctx)  # Y_carto, Q^carto
     watch(belief, path, ctx, epoch.gyro)  # beside odometry alone
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
@@ -124,6 +125,9 @@ def run(
             return k
         if len(history.steps) > 0 and is_full(history):
             return k
+        if epochs[k].filled == 1 and belief.state[0].started:
+            wait(belief, ctx, output, k, epochs[k].time)
+            continue
         reading = believed(belief, history, ctx, epochs[k])  # less what is withheld
         step(belief, path, history, reading, output, ctx, k)
     return last
@@ -325,17 +329,6 @@ def _branch(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
     threshold = 0.0 if wheels else BRANCH_THRESHOLD
     if (arc != 0.0 or state.observed) and branch(belief, path, ctx, arc, threshold):
         state.changed = 1
-
-
-@kernel
-def _map_is_due(state: Record, ctx: Context) -> bool:
-    """Whether the map is observed in this epoch: by distance, in the paper by time."""
-    par = ctx.par[0]
-    if state.motion == START:
-        return True
-    if par.paper:
-        return bool(state.time - state.map_time > par.paper_step - 1e-3)
-    return bool(state.since_map >= par.map_spacing)
 
 
 @kernel(inline=True)

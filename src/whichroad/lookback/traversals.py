@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compile import Records
+from ..filter.lookback.gaps import place_in_gaps
 from ..filter.lookback.passage import TRAVERSAL, broken_rules, first_epochs, time_edges
 from ..filter.state import OFF_ROAD
 from ..filter.summary.estimate import Output
@@ -92,9 +93,11 @@ def untimed(chains: Sequence[Chain]) -> tuple[Traversals, NDArray[np.int64]]:
 def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> Traversals:
     """The edges of a path, timed by the positions on them.
 
+    Epochs whose fix only fills a gap get their places by it.
+
     Args:
         epochs: (n,) EPOCH of the drive.
-        output: (n,) the estimates.
+        output: (n,) the estimates, in place.
         chain: The edges.
         roads: The network.
 
@@ -112,4 +115,5 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
     last = int(known[-1]) if len(known) else len(epochs) - 1
     time_edges(roads, driven, first, epochs, estimates, last)
     driven = driven[driven.p >= 0.0]
+    place_in_gaps(roads, driven, epochs, estimates)
     return driven[_begin(driven) :]

@@ -62,7 +62,7 @@ def age_receiver(belief: Belief, ctx: Context, lasts: float, measured: bool) -> 
     par = ctx.par[0]
     state = belief.state[0]
     time = state.moving
-    wanders = (_WANDERS if measured else _WANDERS_ALONE) ** 2 / trace_of(state)
+    wanders = (_WANDERS if measured else _WANDERS_ALONE) ** 2 / max(trace_of(state), 1e-12)
     if is_fine(state) and state.learnt_time > _SETTLED:
         wanders = min(wanders, _FINE_WANDERS**2)
     wanders *= time

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..._compile import Array, Ints, Record, Records, entry, kernel
 from ...graph.network import Roads
-from ..state import Epochs
+from ..state import NO_EDGE, Epochs
 from ..summary.estimate import Estimates
 
 TRAVERSAL = np.dtype(
@@ -257,7 +257,8 @@ def _bridge(driven: Traversals, first: Ints, estimates: Estimates, last_epoch: i
             low, high = max(i - _BESIDE, 0), min(end + _BESIDE, rows)
             on = 1.0
             for k in range(max(first[i] - 1, first[0]), min(first[end], last_epoch) + 1):
-                on = min(on, _p_on_path(driven, low, high, estimates[k]))
+                if estimates[k].edge != NO_EDGE:  # else nothing is known
+                    on = min(on, _p_on_path(driven, low, high, estimates[k]))
             route = 1.0
             for j in range(i, end):
                 driven[j].p = on * driven[j].share
@@ -329,6 +330,8 @@ def _drive(driven: Traversals, first: Ints, epochs: Epochs, since: _Place, to: _
     row = since.row
     begin = since.begin
     for k in range(since.epoch + 1, to.epoch):
+        if epochs[k].filled == 1:  # it may be anywhere between
+            continue
         while row < to.row and first[row + 1] <= k:
             begin += driven[row].exit_m - driven[row].enter_m
             row += 1

@@ -25,6 +25,7 @@ from ..sparse.dropped import drop_before
 from ..state import CLOCK, KEPT, NO_EDGE, Belief, Context, Epochs, H, K, Path, X, Y, new_belief
 from ..summary.estimate import Output, summarise
 from ..summary.node_shares import AFTER
+from ..summary.waiting import summarise_waiting
 from ..unmapped import carry_back
 from .history import History, load
 from .link_motion import LINK_MODEL, inflate_strange, predict_link
@@ -318,7 +319,10 @@ def _estimate_until(
         state.time = epochs[k].time
         if state.mode != CLOCK:
             state.speed = row.speed
-        summarise(belief, ctx, output, k, row.chi2)
+        if epochs[k].filled == 1:
+            summarise_waiting(belief, ctx, output, k, state.time - epochs[start].time)
+        else:
+            summarise(belief, ctx, output, k, row.chi2)
 
 
 @entry

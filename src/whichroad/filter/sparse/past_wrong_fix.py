@@ -17,7 +17,7 @@ from ..speed_process import SpeedProcess, speed_process
 from ..state import CAPACITY, KEPT, NO_EDGE, Belief, Context, K, Path, enter, move_row
 from .arrival import Foot, Transition, place_on_road, predict_transition
 from .candidates import SparseFix
-from .driver import SPEED_SIGMA, likely_excess
+from .driver import SPEED_SIGMA, likely_excess, pace_of
 from .origin import is_waiting
 from .wrong_fix import carry
 
@@ -155,6 +155,8 @@ def _add_node(belief: Belief, history: History, row: int, like: int) -> None:
     node.before = hyp.before
     node.segment = hyp.segment
     node.p = node.smoothed = 0.0
+    node.freed = history.nodes[like].freed
+    node.pace = pace_of(hyp.leg, state.driver.pace)
     node.path_entry = hyp.path_entry
     node.first_link = count.links
     pack_state(history.states[count.nodes], hyp)
