@@ -18,6 +18,7 @@ from .windows import ANCHORS, CLOCK, COARSE, sigma_between
 _LONGEST = 60.0  # s, after which a stand without a doubt is compared anew
 _APART = 2.5  # sigmas, and a share of the way,
 _OF_WAY = 0.2  # by which fixes differ from the odometer
+_BY_BOTH = 0.5  # share of the fixes' way that the receiver's speed tells as well, at least
 _P = 0.5  # P(the odometer is wrong), as long as only the receiver speaks against it
 
 
@@ -48,11 +49,12 @@ def weigh_spin(vetting: Record, last: int, scale: float, sensors: int, since: fl
     receiver = b.path - a.path
     precise = 0.3 * math.sqrt(b.time - a.time) + 0.5
     agree = differ(fixes, receiver, sigma) < 0
-    if agree and differ(odometer, receiver, precise) > 0:
+    if (agree or doubted) and differ(odometer, receiver, precise) > 0:
         spin.p = _P
         spin.sigma = sigma
-        if abs(odometer - fixes) > _APART * sigma + _OF_WAY * max(odometer, fixes):
+        if agree and abs(odometer - fixes) > _APART * sigma + _OF_WAY * max(odometer, fixes):
             count(vetting, ARC, since)
-    stood = not doubted and spin.p == 0.0 and b.time - a.time > _LONGEST
-    if stood or fixes >= moved(sigma):
+    doubted = doubted or spin.p > 0.0
+    left = fixes >= moved(sigma) and (not doubted or receiver > _BY_BOTH * fixes)  # else it jumped
+    if left or (not doubted and b.time - a.time > _LONGEST):
         copy_record(spin.since, b)
