@@ -68,6 +68,7 @@ class Recorded(NamedTuple):
     track: SensorTrack | None = None  # of the sensors, where poses were asked for
     map_error: MapError | None = None  # as learnt
     withheld: tuple[Finding, ...] = ()  # sensors that are wrong, as far as `diagnosis` names them
+    further: tuple[Finding, ...] = ()  # the same of further sensors
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
@@ -157,13 +158,15 @@ def localize_recorded(
     heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
     if lag is None or not history.count[0].steps:
         workspace.give_back()
-        return Recorded(output, heaviest, diagnose, None, evidence, counts, track, off, withheld)
+        return Recorded(
+            output, heaviest, diagnose, None, evidence, counts, track, off, withheld, further
+        )
     past = Past(roads, history, path, epochs, output, lag)
     smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
     best = heaviest if is_sparse(timeline) else BestChains(history, path, roads.arrays).found()
     past = past._replace(history=without_states(history), path=entries_of(path))
     workspace.give_back()
-    return Recorded(smoothed, best, diagnose, past, evidence, counts, track, off, withheld)
+    return Recorded(smoothed, best, diagnose, past, evidence, counts, track, off, withheld, further)
 
 
 def is_sparse(timeline: Timeline) -> bool:

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 import whichroad
@@ -55,6 +56,22 @@ def observations_of(ride, told) -> list:
     return sorted([*made, *told], key=lambda one: one.time)
 
 
+def table_of(observations) -> pa.Table:
+    """One trip, a row for each observation."""
+    names = {
+        "time": "time", "lat_deg": "lat", "lon_deg": "lon", "cov_ee": "cov_ee", "cov_en": "cov_en",
+        "cov_nn": "cov_nn", "left": "wheel_rl_ticks", "right": "wheel_rr_ticks",
+    }  # fmt: skip
+    rows = [
+        {"time": one.time, **one.values} if isinstance(one, SensorReading)
+        else {name: getattr(one, field) for field, name in names.items() if hasattr(one, field)}
+        for one in observations
+    ]  # fmt: skip
+    return pa.Table.from_pylist(
+        [{"drive_id": "a", **dict.fromkeys([*names.values(), "antennas_deg"]), **r} for r in rows]
+    )
+
+
 def away(town, result, ride) -> tuple[np.ndarray, np.ndarray]:
     """How far points are from the truth, and their level, m."""
     table, t = result.to_arrow(), ride.truth
@@ -77,6 +94,8 @@ def test_antennas_aslant_are_learnt_and_do_no_harm(town, ride):
     (named,) = [one for one in aslant.diagnosis if one.what == "sensor dual_antenna: bias"]
     assert named.statistic == pytest.approx(6.0, abs=0.5)
     assert not [one for one in sound.diagnosis if one.what.startswith("sensor")]
+    trips = whichroad.match_many(table_of(told), town, vehicle=ride.vehicle, sensors=[sensor])
+    assert named.note in trips.drives["notes"].to_pylist()[0]
 
 
 def test_on_line_the_angle_is_told_with_its_sigma_and_kept(town, ride):

@@ -15,7 +15,6 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from .._compile import Records
-from ..diagnosis.further_sensors import notes_of
 from ..epochs import Timeline, epochs_of_fixes
 from ..errors import SettingError, WhichroadError
 from ..evidence.sensed import Sensed, checked, columns_of
@@ -296,7 +295,8 @@ class Job(NamedTuple):
                 poses=self.places is not None,
             )  # fmt: skip
             wrong = (finding.note for finding in recorded.withheld)
-            notes = (*notes, *notes_of(recorded.sensors), *wrong)
+            further = (finding.note for finding in recorded.further)
+            notes = (*notes, *further, *wrong)
             epochs, output = timeline.epochs, recorded.output
             driven = traversals(epochs, output, recorded.chain, self.roads.arrays)
             batch = Batch(epochs, output, [0, len(epochs)], driven, [0, len(driven)])

@@ -1,7 +1,7 @@
 """Further sensors whose readings fit nothing: what the filter left out, by their names."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from .._compile import Records
@@ -26,20 +26,6 @@ def readings_of(names: Sequence[str], sensors: Records) -> dict[str, dict[str, i
         name: {what: int(one[what]) for what in ("heard", "misfits", "withheld")}
         for name, one in zip(names, sensors, strict=False)
     }
-
-
-def notes_of(counts: Mapping[str, Mapping[str, int]]) -> list[str]:
-    """A sentence for each sensor that is named, for tables of many trips.
-
-    Args:
-        counts: As `readings_of` gives them.
-    """
-    return [
-        f"sensor {name}: {one['misfits']:,} of {one['heard']:,} readings did not fit the rest, "
-        f"{one['withheld']:,} were left out"
-        for name, one in counts.items()
-        if _is_wrong(one)
-    ]
 
 
 def _is_wrong(one: Any) -> bool:
