@@ -6,7 +6,9 @@ import pytest
 from scenes import localize, network
 from whichroad._compile import Records
 from whichroad.filter.state import CLOCK, new_epochs
+from whichroad.graph.network import bytes_of
 from whichroad.lookback.traversals import traversals
+from whichroad.workspace import Workspace
 
 # a road of 2 km in edges of 100 m, and streets that lead off it; edge 2 i + 1 is edge 2 i back
 ROAD = [[[100.0 * k, 0.0], [100.0 * k + 100.0, 0.0]] for k in range(20)]
@@ -53,6 +55,21 @@ def test_a_fix_that_is_wrong_does_not_hide_a_turn(lag: object):
     assert found.chain.edge.tolist() == [*range(0, 16, 2), 40]
     rows = traversals(epochs, found.output, found.chain, ROADS)
     assert not rows.gap.any()
+
+
+def test_what_was_smoothed_before_leaves_no_trace():
+    """Buffers are used again: whatever a node holds is written, also where a fix was passed."""
+    epochs = drive(5.0, turns_at=800.0)[:13]
+    wrong = int(np.searchsorted(-epochs.fix[:, 1], 10.0)) - 1
+    epochs.fix[wrong, 1] += 120.0
+    first = localize(ROADS, epochs, mode=CLOCK, lag="full").output.rows.copy()
+    workspace = Workspace.taken()
+    history, _ = workspace.smoothing()
+    np.asarray(bytes_of(history.nodes)).fill(0x40)  # 32.5 as a number
+    workspace.give_back()
+    again = localize(ROADS, epochs, mode=CLOCK, lag="full").output.rows
+    for name in first.dtype.names:
+        np.testing.assert_array_equal(again[name], first[name], name)
 
 
 def test_points_and_path_agree_at_a_wrong_fix():
