@@ -140,6 +140,16 @@ def free_port():
         return probe.getsockname()[1]
 
 
+def knock(port):
+    """A connection, as soon as there is somebody."""
+    for _ in range(100):
+        try:
+            return socket.create_connection(("127.0.0.1", port))
+        except ConnectionRefusedError:
+            time.sleep(0.05)
+    raise AssertionError("nobody listens")
+
+
 def drive_files(folder: Path):
     """Options that name the files of a simulated drive."""
     return (

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import pytest
 
-from live.service import Served, drive_files, free_port, on_air
+from live.service import Served, drive_files, free_port, knock, on_air
 from whichroad.readers.nmea import NmeaParser
 from whichroad.simulate.drive_files import nmea_text
 
@@ -125,16 +125,6 @@ def test_a_recording_is_paused_stepped_and_sought(replayed):
 
 
 # Sensors
-
-
-def knock(port):
-    """A connection, as soon as there is somebody."""
-    for _ in range(100):
-        try:
-            return socket.create_connection(("127.0.0.1", port))
-        except ConnectionRefusedError:
-            time.sleep(0.05)
-    raise AssertionError("nobody listens")
 
 
 def test_fixes_over_tcp_become_sentences(town_map, log, airing):

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from live.service import Served, free_port, on_air
+from live.service import Served, free_port, knock, on_air
 from whichroad import SettingError
 from whichroad.live.addresses import nmea_address
 from whichroad.live.decode import NmeaStream
@@ -90,7 +90,7 @@ def test_a_service_ends_in_order_while_receivers_are_connected(files, ride, tmp_
     options = ("--nmea", f"listen://127.0.0.1:{port}", "--state", tmp_path / "state")
     with Served("--map", files / "town.map", *options) as served:
         bursts = on_air(nmea_text(ride).encode(), int(time.time()) - 60)
-        callers = [socket.create_connection(("127.0.0.1", port)) for _ in range(3)]
+        callers = [knock(port) for _ in range(3)]
         for caller in callers:
             caller.sendall(next(bursts))
         served.until(lambda said: said["fix"] is not None)
