@@ -641,8 +641,8 @@ def test_the_map_scale_begins_at_one_and_is_never_below_a_metre(mode: str):
 
 
 @MODES
-def test_attributes_are_those_of_the_edge_s_longest_street(mode: str):
-    longest = {"stem": "stem", "branch": "last", "right": "right"}
+def test_attributes_are_those_of_the_street_that_the_source_names(mode: str):
+    """And not of another one on the same edge."""
     source = column(mode, "source_id")
     want = {"name": "name", "highway": "highway", "speed_limit_kmh": "maxspeed", "lanes": "lanes",
             "layer": "layer", "bridge": "bridge", "tunnel": "tunnel"}  # fmt: skip
@@ -652,8 +652,7 @@ def test_attributes_are_those_of_the_edge_s_longest_street(mode: str):
             if source[k] is None:
                 assert said is None
                 continue
-            street = longest[EDGE_OF[STREET_OF[int(source[k])]][0]]
-            assert said == STREETS[street].get(given, usual)
+            assert said == STREETS[STREET_OF[int(source[k])]].get(given, usual)
 
 
 @MODES

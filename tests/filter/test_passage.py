@@ -11,7 +11,7 @@ from whichroad.filter.lookback.passage import TRAVERSAL, first_epochs, time_edge
 from whichroad.filter.state import EPOCH, NO_EDGE, OFF_ROAD
 from whichroad.filter.summary.estimate import new_output
 from whichroad.graph.network import records
-from whichroad.lookback.traversals import trimmed
+from whichroad.lookback.traversals import trimmed, without_glances
 
 # a street of three edges of 100 m and a side street; edge 2 i + 1 is edge 2 i driven back
 ROADS = network(
@@ -162,3 +162,32 @@ def test_several_paths_begin_where_each_would_alone():
     left, begins = trimmed(driven, first)
     assert left.p.tolist() == [0.9, 0.9, 0.4, 0.3, 0.2]
     assert begins.tolist() == [0, 1, 1, 2, 3, 5]
+
+
+def edges_of(chain: list[tuple[int, float]], left: float = 0.0) -> list[int]:
+    """What is left of a path of (edge, entered)."""
+    driven = records(len(chain), TRAVERSAL)
+    driven.edge, driven.entered = np.array(chain).T
+    driven.left[1] = left
+    kept, first = without_glances(driven, np.array([0, len(chain)]), ROADS)
+    assert first.tolist() == [0, len(kept)]
+    return kept.edge.tolist()
+
+
+def test_an_edge_of_a_moment_that_leads_nowhere_is_not_driven():
+    """The side street was the likeliest one for 2 s, where the street goes on."""
+    back = 7  # the side street, towards the junction's other end
+    assert edges_of([(0, 0.0), (back, 20.0), (2, 22.0)]) == [0, 2]
+    assert edges_of([(0, 0.0), (back, 20.0), (2, 40.0)]) == [0, back, 2]  # it stayed there
+    assert edges_of([(0, 0.0), (back, 20.0), (2, 22.0)], left=5.0) == [0, back, 2]  # a yard
+    assert edges_of([(0, 0.0), (back, 20.0), (4, 22.0)]) == [0, back, 4]  # 0 and 4 do not join
+    assert edges_of([(0, 0.0), (2, 20.0), (4, 22.0)]) == [0, 2, 4]  # a short edge on the way
+
+
+def test_edges_at_the_ends_of_paths_stay():
+    """Each drive's path is its own."""
+    driven = records(4, TRAVERSAL)
+    driven.edge, driven.entered = [0, 7, 2, 4], [0.0, 1.0, 2.0, 20.0]
+    kept, first = without_glances(driven, np.array([0, 0, 2, 4, 4]), ROADS)
+    assert kept.edge.tolist() == [0, 7, 2, 4]
+    assert first.tolist() == [0, 0, 2, 4, 4]

@@ -7,6 +7,8 @@ import pytest
 import shapely
 from benchmarks.overture_segments import segment, table
 
+from whichroad import match
+from whichroad.replay.recorded_messages import RecordedMessages
 from whichroad.roadmap import RoadMap
 
 GEOD = pyproj.Geod(ellps="WGS84")
@@ -95,3 +97,27 @@ def test_parts_of_a_segment_count_from_the_start_of_the_segment(degrees):
     roads = RoadMap.from_edges(table([row]))
     assert agree(roads, {"s": places}, tolerance=0.2) == 14
     assert len(np.unique(roads.pieces.way)) == 5
+
+
+def test_attributes_of_points_are_those_of_their_source(osm, degrees):
+    """Two streets without a junction between them are one edge."""
+    nodes = {1: (0, 0), 2: (150, 0), 3: (400, 0)}
+    streets = {"10": ("Kurze Straße", 30), "20": ("Lange Straße", 70)}
+    ways = [
+        (int(way), [at, at + 1], {"name": name, "maxspeed": str(limit)})
+        for at, (way, (name, limit)) in enumerate(streets.items(), 1)
+    ]
+    roads = osm(nodes, ways)
+    assert len(roads) == 2  # a direction each
+    lon, lat = zip(*(degrees(10.0 * k, 1.0) for k in range(40)), strict=True)
+    table = {"time": np.arange(40.0), "lat": lat, "lon": lon, "sigma_m": [2.0] * 40}
+    result = match(table, roads, attributes=True)
+    points = result.to_arrow().to_pylist()
+    named = [(p["source_id"], p["name"], p["speed_limit_kmh"]) for p in points if p["source_id"]]
+    assert {source for source, _, _ in named} == {"10", "20"}
+    assert all(streets[source] == (name, limit) for source, name, limit in named)
+    recorded = RecordedMessages(result, roads)
+    roads_told = [recorded.message(k, k, None)["road"] for k in range(len(points))]
+    assert [(r["source_id"], r["name"], r["speed_limit_kmh"]) for r in roads_told] == [
+        (p["source_id"], p["name"], p["speed_limit_kmh"]) for p in points
+    ]

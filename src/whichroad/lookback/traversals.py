@@ -12,8 +12,10 @@ from ..filter.state import OFF_ROAD
 from ..filter.summary.estimate import Output
 from ..graph.network import Roads, records
 from .path import Chain
+from .rivals import follow
 
 _SHORT = 30.0  # m
+_GLANCE = 5.0  # s, on an edge that leads nowhere
 
 Traversals = Records  # (r,) TRAVERSAL, the edges of a path in driving order
 
@@ -55,6 +57,39 @@ def trimmed(driven: Traversals, first: NDArray[np.int64]) -> tuple[Traversals, N
         left[a : a + _begin(driven[a:end])] = False
     if left.all():
         return driven, first
+    return driven[left], np.append(0, np.cumsum(left))[first]
+
+
+def without_glances(
+    driven: Traversals, first: NDArray[np.int64], roads: Roads
+) -> tuple[Traversals, NDArray[np.int64]]:
+    """Several paths, not yet timed, without edges that lead nowhere where those around join.
+
+    At a sharp junction another road is the likeliest one for some seconds, and is left again by
+    no turn.  Its whole length would count as driven.
+
+    Args:
+        driven: Their rows.
+        first: (d + 1,) where each begins, and the number of rows.
+        roads: The network.
+
+    Returns:
+        The rows that are left, and where each path begins in them.
+    """
+    if len(driven) < 3:
+        return driven, first
+    edge = driven.edge.astype(np.int32)
+    lost = np.zeros(len(edge), bool)
+    lost[1:-1] = driven.entered[2:] - driven.entered[1:-1] <= _GLANCE
+    lost[1:-1] &= driven.left[1:-1] <= 0.0
+    lost[first[:-1][np.diff(first) > 0]] = lost[first[1:] - 1] = False
+    at = np.flatnonzero(lost)
+    at = at[~follow(roads, edge[at], edge[at + 1])]
+    at = at[follow(roads, edge[at - 1], edge[at + 1])]
+    if not len(at):
+        return driven, first
+    left = np.ones(len(edge), bool)
+    left[at] = False
     return driven[left], np.append(0, np.cumsum(left))[first]
 
 
@@ -104,7 +139,7 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
     Returns:
         One row per edge, in driving order.
     """
-    driven, _ = untimed([chain])
+    driven, _ = without_glances(*untimed([chain]), roads)
     if not len(driven):
         return driven
     first = np.zeros(len(driven) + 1, np.int64)

@@ -95,7 +95,7 @@ class RecordedMessages:
         self.signals = signals or Signals()
         self._roads = roads
         self.route = None if roads is None else _route(result.path_arrow(), self.drive_id, roads)
-        self._streets: dict[int, dict[str, Any]] = {}
+        self._streets: dict[tuple[int, int | None], dict[str, Any]] = {}
         self._source = points["source_id"] if "source_id" in points.column_names else None
         poses = result.hypotheses
         self.choices = (
@@ -169,13 +169,19 @@ class RecordedMessages:
         lat, lon = self.columns["lat"][known], self.columns["lon"][known]
         return float(np.sum(_metres(np.diff(lat), np.diff(lon), lat[:1].sum())))
 
-    def street(self, edge: int) -> dict[str, Any]:
-        """Columns of an edge's street; nothing without a map."""
+    def street(self, edge: int, s: float | None = None) -> dict[str, Any]:
+        """Columns of an edge's street, at a place or of its longest piece; nothing without a map.
+
+        Args:
+            edge: Its number.
+            s: m from its start.
+        """
         if self._roads is None or not 0 <= edge < len(self._roads):
             return {}
-        if edge not in self._streets:
-            self._streets[edge] = self._roads.attributes(edge)
-        return self._streets[edge]
+        piece = None if s is None else int(self._roads.piece(np.array([edge]), np.array([s]))[0])
+        if (edge, piece) not in self._streets:
+            self._streets[edge, piece] = self._roads.attributes(edge, s)
+        return self._streets[edge, piece]
 
     def message(self, k: int, seq: int, play: PlayMessage) -> EstimateMessage:
         """The live service's message at epoch k.
@@ -295,7 +301,7 @@ class RecordedMessages:
 
     def _road(self, k: int) -> dict[str, Any]:
         edge = int(self.edge[k])
-        street = self.street(edge) if edge >= 0 else {}
+        street = self.street(edge, self._get("abscissa_m", k)) if edge >= 0 else {}
         return {
             "edge_id": edge if edge >= 0 else None,
             "source_id": self._source[k].as_py() if self._source is not None else None,

@@ -122,7 +122,7 @@ def points_table(
     }
     table = pa.Table.from_arrays([columns[name] for name in POINTS.names], schema=POINTS)
     if attributes:
-        for name, column in _attributes(roads, edge, off).items():
+        for name, column in _attributes(roads, edge, s, off).items():
             table = table.append_column(name, column)
     return table
 
@@ -138,10 +138,11 @@ def _sources(
 
 
 def _attributes(
-    roads: RoadMap, edge: NDArray[Any], absent: NDArray[np.bool_]
+    roads: RoadMap, edge: NDArray[Any], s: Array, absent: NDArray[np.bool_]
 ) -> dict[str, pa.Array]:
-    unique, at = np.unique(edge, return_inverse=True)
-    rows = [roads.attributes(int(e)) for e in unique]
+    """Those of the street at each place, as `source_id` is."""
+    _, first, at = np.unique(roads.piece(edge, s), return_index=True, return_inverse=True)
+    rows = [roads.attributes(int(e), float(a)) for e, a in zip(edge[first], s[first], strict=True)]
     return {
         field.name: pa.array([row.get(field.name) for row in rows], field.type).take(
             pa.array(at, mask=absent)
