@@ -5,8 +5,11 @@ import pandas as pd
 import pytest
 
 import whichroad
+from whichroad import GeoFix
 from whichroad.errors import DriveError, ReadError
+from whichroad.inspection import inspect_files
 from whichroad.readers import drive_from_table, read_drive
+from whichroad.readers.mixed_rows import alternating
 from whichroad.readers.names import NAMES
 
 T0 = 1_780_315_200.0  # 2026-06-01 12:00 UTC
@@ -318,3 +321,94 @@ def test_a_file_that_is_missing_or_of_a_drives_name_is_refused(tmp_path, street)
     (tmp_path / "good.gpx").write_text("<gpx")
     with pytest.raises(ReadError, match=r"good\.gpx"):
         whichroad.match([good, tmp_path / "good.gpx"], street)
+
+
+def behind(seconds, step=1.0, late=0.37, every=1, n=20 * N):
+    """Rows of two vehicles on one way, some seconds behind each other, mixed by time.
+
+    Each stands at times of its own.  `late`: of the second, in steps; it has every so-manieth row.
+    """
+    k = step * np.arange(n / step)
+    way = 8.0 * (k - 12.0 * np.sin(k / 47.0))  # m, at 6 to 10 m/s
+    a = pd.DataFrame({"time": T0 + k, "lat": 49.4 + METRES * way})
+    way = 8.0 * (k - 15.0 * np.sin(k / 61.0))
+    b = pd.DataFrame({"time": T0 + k + seconds + late * step, "lat": 49.4 + METRES * way})
+    rows = pd.concat([a.assign(of=0), b[::every].assign(of=1)]).assign(lon=8.7, trip_id="1")
+    return rows.sort_values("time").reset_index(drop=True)
+
+
+@pytest.mark.parametrize(
+    "near",
+    [{"seconds": 10.0}, {"seconds": 90.0}, {"seconds": 10.0, "step": 10.0},
+     {"seconds": 30.0, "step": 30.0, "n": 3600}, {"seconds": 30.0, "every": 3}],
+)  # fmt: skip
+def test_rows_of_two_vehicles_near_each_other_are_refused(near, street):
+    rows = behind(**near)
+    said = r"steps from place to place go back and forth between two tracks; .*--id COLUMN"
+    with pytest.raises(ReadError, match=said):
+        drive_from_table(rows)
+    trips = pd.concat([rows, rows[rows.of == 0].assign(trip_id="2")])
+    drives = whichroad.match_many(trips, street).drives.to_pylist()
+    assert [drive["answered"] for drive in drives] == [False, True]
+    assert "between two tracks" in drives[0]["reason"]
+    assert not drives[1]["notes"]
+    notes = [drive.notes for drive in drive_from_table(trips)]
+    assert "rows seem to be of two vehicles: " in notes[0][0]
+    assert not notes[1]
+
+
+@pytest.mark.parametrize("near", [{"seconds": 10.0}, {"seconds": 30.0, "every": 10}])
+def test_a_few_rows_of_two_vehicles_are_noted_everywhere(near, street, tmp_path):
+    rows = behind(**near)
+    if "every" not in near:  # the second is there for a while only
+        rows = rows[(rows.of == 0) | rows.time.between(T0 + 200.0, T0 + 250.0)]
+    said = "rows seem to be of two vehicles: "
+
+    def noted(drive):
+        return whichroad.match(drive, street).summary["notes"]
+
+    (drive,) = drive_from_table(rows)
+    assert drive.notes[0].startswith(said)
+    tables = whichroad.match_many(rows, street)
+    assert tables.drives["answered"].to_pylist() == [True]
+    assert tables.drives["notes"][0].as_py()[0].startswith(said)
+    rows.to_csv(tmp_path / "rows.csv", index=False)
+    assert any(n.startswith(said) for n in noted(tmp_path / "rows.csv"))
+    fixes = [GeoFix(*row) for row in rows[["time", "lat", "lon"]].itertuples(index=False)]
+    assert any(n.startswith(said) for n in noted(fixes))
+    assert said in str(inspect_files([tmp_path / "rows.csv"]))
+
+
+@pytest.mark.parametrize("step", [1.0, 10.0])
+@pytest.mark.parametrize("share", [0.01, 0.02, 0.1])
+def test_wrong_places_now_and_then_are_of_no_second_vehicle(step, share):
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        rows = behind(0.0, step, n=6000)
+        rows = rows[rows.of == 0]
+        wrong = rng.random(len(rows)) < share
+        away = wrong * rng.uniform(50.0, 500.0, len(rows)) * METRES
+        course = rng.uniform(0.0, 2.0 * np.pi, len(rows))
+        north, east = away * np.cos(course), away * np.sin(course) / np.cos(np.radians(49.4))
+        (drive,) = drive_from_table(rows.assign(lat=rows.lat + north, lon=8.7 + east))
+        assert not drive.notes
+
+
+def test_places_of_masts_among_fixes_are_of_no_second_vehicle():
+    rows = behind(0.0)
+    rows = rows[rows.of == 0]
+    mast = np.round(rows.lat / 0.004) * 0.004
+    (drive,) = drive_from_table(rows.assign(lat=rows.lat.where(rows.index % 4 > 0, mast)))
+    assert not drive.notes
+
+
+def test_only_steps_within_a_drive_alternate():
+    rows = behind(10.0)
+    lat, lon = (np.tile(rows[name], 3) for name in ("lat", "lon"))
+    n = len(rows)
+    one = alternating(lat[:n], lon[:n])
+    assert one.mean() > 0.8
+    found = alternating(lat, lon, np.array([0, n, 2 * n]))
+    assert (found == np.concatenate([one, [False], one, [False], one])).all()
+    assert not alternating(lat[:n][rows.of == 0], lon[:n][rows.of == 0]).any()
+    assert alternating(lat[:1], lon[:1]).shape == (0,)

@@ -79,6 +79,17 @@ def test_rows_of_two_receivers_at_one_time_are_dropped_and_it_is_said(sound):
     assert drive.fixes.lat_deg == pytest.approx(one["lat"].to_numpy())
 
 
+def test_rows_of_two_receivers_that_lead_on_in_the_middle_are_dropped_too():
+    one = cut(town(n=600, noise=0.0), 1.0)
+    ahead = np.where(np.arange(600) % 20 == 0, 0.5, np.where(np.arange(600) % 2, -25.0, 25.0))
+    other = one.copy()
+    for name in ("lat", "lon"):  # now far ahead, now behind, and half a second ahead in between
+        other[name] = np.interp(np.arange(600) + ahead, np.arange(600), one[name])
+    (drive,) = drive_from_table(pd.concat([one, other]).sort_values("time", kind="stable"))
+    assert "have the time of a row before them at another place" in drive.notes[0]
+    assert drive.fixes.lat_deg == pytest.approx(one["lat"].to_numpy())
+
+
 def test_fixes_and_odometry_of_one_time_are_left_as_they_are(sound):
     fixes = cut(town(), 1.0)
     wheels = pd.DataFrame({"time": fixes["time"], "wheel_rl": 8.0, "wheel_rr": 8.0})

@@ -22,6 +22,7 @@ _SHARE = 0.2  # of a drive's rows that share a time at other places, from which 
 _EVEN = 0.8  # share of times that have about as many rows as the middle one
 _ABOUT = 0.25  # of that number, by which others may differ, or by one row
 _FEWEST = 5  # times whose rows are seen to lead on
+_ON = 0.3  # share of times that lead on evenly: 0.6 or more of one receiver, 0.05 of two
 _MOVED = 5.0  # m from one time to the next, beyond the noise of fixes
 
 
@@ -116,7 +117,8 @@ def _lead_on(time: Array, lat: Array, lon: Array, first: Ints, unit: float) -> b
         return False
     gone = (east * to_east + north * to_north)[far] / way[far]
     share = ((amid - low) / (high - low))[far]
-    return bool(0.5 < np.median(gone / share) < 1.5)
+    even = (0.5 * share < gone) & (gone < 1.5 * share)
+    return bool(0.5 < np.median(gone / share) < 1.5 and even.mean() >= _ON)
 
 
 def _moments(time: Array, first: Ints, unit: float) -> Array:

@@ -20,6 +20,7 @@ from .clock_change import clock_changes
 from .dates import Writing, tick_of
 from .drive_columns import Columns, reported
 from .fix_quality import NO_FIX
+from .mixed_rows import NOTED, alternating
 from .names import Column, find, normal
 from .reported_fixes import completed, is_place, is_vague, says_no_hdop
 from .rounded_places import rounding_notes
@@ -100,11 +101,13 @@ def batched_fixes(
     # else the times of the trip may be wrong, or its rows of several vehicles
     possible = ~((moved > TOO_FAST * step) | (moved > reachable(step)))
     possible[first] = True
-    regular = np.logical_and.reduceat(good & later & possible, first)
+    mixed = np.append(alternating(columns["lat"], columns["lon"], first), False)
+    size = np.diff(first, append=len(time))
+    alone = np.add.reduceat(mixed, first, dtype=np.int64) >= NOTED * size
+    regular = np.logical_and.reduceat(good & later & possible, first) & ~alone
     units = units or Units()
     units.in_si(columns)
     notes = _notes(units, columns, first)
-    size = np.diff(first, append=len(time))
     if not regular.all():
         rows = np.repeat(regular, size)
         columns = {quantity: values[rows] for quantity, values in columns.items()}

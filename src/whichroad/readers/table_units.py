@@ -18,6 +18,7 @@ from .arrow_columns import Times
 from .checks import LAST
 from .dates import EARLIEST, from_serial
 from .drive_columns import Columns
+from .mixed_rows import REFUSED, alternating, said_of
 from .names import Column
 from .table_drives import Trip
 
@@ -111,6 +112,7 @@ def check_motion(columns: Columns, trips: Sequence[Trip], notes: list[str], wher
             "the places in degrees?"
         )
     _check_jumps(time, columns, trips, notes, where)
+    _check_mixed(tracks, where)
 
 
 def _check_jumps(
@@ -131,6 +133,14 @@ def _check_jumps(
         if len(trips) == 1:
             raise ReadError(f"{where}: {said}")
         notes.append(f"drive {name}: {said}")
+
+
+def _check_mixed(tracks: Sequence[fit.Track], where: str) -> None:
+    """Refuse rows of two vehicles near each other as one drive; of several, each gets a note."""
+    for _, lat, lon in tracks if len(tracks) == 1 else ():
+        found = alternating(lat, lon)
+        if len(found) and np.mean(found) >= REFUSED:
+            raise ReadError(f"{where}: {said_of(found)}")
 
 
 def _tracks(time: Array, columns: Columns, trips: Sequence[Trip]) -> list[fit.Track]:
