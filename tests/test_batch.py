@@ -17,7 +17,7 @@ from whichroad.batch import Tables, filtering, match_batches, match_many, match_
 from whichroad.batch.filtering import filter_batch
 from whichroad.errors import ReadError
 from whichroad.geodesy.plane import Plane
-from whichroad.readers import many_trips, table_units, trip_units
+from whichroad.readers import many_trips, table_units, trip_files, trip_units
 from whichroad.recorded import localize_recorded
 from whichroad.tables import export
 from whichroad.tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
@@ -392,6 +392,90 @@ def test_values_that_folders_bear_are_columns_of_text(roads, fleet, tmp_path):
     assert match_many(tmp_path / "numbers", roads).drives["drive_id"].to_pylist() == ["007", "8"]
     twice = match_many(tmp_path / "twice", roads)  # what the files say goes first
     assert twice.drives["drive_id"].to_pylist() == names[:2]
+
+
+def lake(folder, fleet):
+    """A folder of one file for each of seven trips, with a speed."""
+    folder.mkdir()
+    table = fleet.append_column("speed_mps", pa.array([12.0] * len(fleet)))
+    for i in range(7):
+        pq.write_table(table.slice(32 * i, 32), folder / f"{i}.parquet")
+    return table
+
+
+def test_columns_that_the_first_file_of_a_folder_lacks_are_used(roads, fleet, tmp_path):
+    table, folder = lake(tmp_path / "trips", fleet), tmp_path / "trips"
+    whole = match_many(folder, roads)
+    first = table.slice(0, 32).drop_columns("speed_mps")
+    whole_seconds = pa.array(np.array(first["time"]).astype(np.int64))
+    pq.write_table(first.set_column(1, "time", whole_seconds), folder / "0.parquet")
+    found = match_many(folder, roads)
+    later = pc.field("drive_id") != "car 0"
+    assert found.points.filter(later).equals(whole.points.filter(later))
+    assert not found.points.equals(whole.points)
+    assert found.drives["answered"].to_pylist() == [True] * 7
+
+
+def test_a_folder_tells_its_system_of_coordinates_by_its_first_file(tmp_path, fleet):
+    lake(tmp_path / "trips", fleet)
+    first = pq.read_table(tmp_path / "trips" / "0.parquet").replace_schema_metadata({"geo": "{}"})
+    pq.write_table(first, tmp_path / "trips" / "0.parquet")
+    data = trip_files.dataset_of(tmp_path / "trips")
+    assert data.schema.metadata[b"geo"] == b"{}"
+    assert data.schema.names == [*fleet.column_names, "speed_mps"]
+    text = first.set_column(1, "time", pa.array(["x"] * 32))  # it goes with no number
+    pq.write_table(text, tmp_path / "trips" / "1.parquet")
+    assert trip_files.dataset_of(tmp_path / "trips").schema.field("time").type == pa.float64()
+    with pytest.raises(ReadError, match=r"1\.parquet: cannot be read to its end .*of one kind"):
+        list(trip_files.batches_in(data, data.schema.names, 100))
+
+
+def test_other_files_of_a_folder_are_left_out_and_bad_ones_are_named(roads, fleet, tmp_path):
+    table, folder = lake(tmp_path / "trips", fleet), tmp_path / "trips"
+    whole = match_many(table, roads)
+    (folder / "readme.txt").write_text("hi")
+    (folder / "_SUCCESS").write_text("")
+    assert same(match_many(folder, roads), whole)
+    said = []
+    assert len(trip_files.dataset_of(folder, said).files) == 7
+    assert said == ["readme.txt: no .parquet file"]
+    (folder / "0a.parquet").write_bytes(b"")
+    (folder / "3.parquet").write_bytes((folder / "4.parquet").read_bytes()[:500])
+    with pytest.raises(
+        ReadError, match=r"2 files: .*0a\.parquet: .*3\.parquet: .*sound files were"
+    ):
+        match_many(folder, roads)
+    said = []
+    assert len(trip_files.dataset_of(folder, said).files) == 6
+    assert [line.partition(":")[0] for line in said] == ["readme.txt", "0a.parquet", "3.parquet"]
+    (folder / "more.csv").write_text("drive_id,time,lat,lon\n")
+    with pytest.raises(ReadError, match=r"more\.csv in it may hold trips, too"):
+        match_many(folder, roads)
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    with pytest.raises(ReadError, match=r"no \.parquet file is in it"):
+        match_many(empty, roads)
+
+
+def test_a_file_that_is_damaged_inside_is_named(roads, fleet, tmp_path):
+    lake(tmp_path / "trips", fleet)
+    bad = tmp_path / "trips" / "3.parquet"
+    data = bytearray(bad.read_bytes())
+    data[4:400] = b"\xff" * 396
+    bad.write_bytes(data)
+    with pytest.raises(ReadError, match=r"3\.parquet: cannot be read to its end"):
+        match_many(tmp_path / "trips", roads)
+
+
+def test_what_is_no_table_of_trips_is_refused_with_what_to_do(roads, fleet):
+    frame = fleet.to_pandas()
+    for one in (frame["lat"], iter([frame["lat"]]), frame.iloc[0]):
+        with pytest.raises(ReadError, match=r"Series is one column; .*give the whole frame"):
+            match_many(one, roads)
+    with pytest.raises(ReadError, match=r"pandas\.read_csv .*`whichroad fleet`"):
+        match_many("trips.csv", roads)
+    with pytest.raises(ReadError, match="where each file is a drive"):
+        match_many("trip.gpx", roads)
 
 
 class Capsule:

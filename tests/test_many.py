@@ -71,6 +71,20 @@ def test_folders_that_bear_the_names_of_trips_are_a_table_of_them(tmp_path, town
     assert found == [name for name in names for _ in range(20)]
 
 
+def test_what_is_left_out_of_a_folder_is_said(tmp_path, town):
+    table, folder = pq.read_table(trips(tmp_path, ["a", "b"])), tmp_path / "parts"
+    folder.mkdir()
+    for name in "ab":
+        pq.write_table(table.filter(pc.field("trip_id") == name), folder / f"{name}.parquet")
+    (folder / "c.parquet").write_bytes(b"PAR1")
+    (folder / "readme.txt").write_text("hi")
+    done = run("match", folder, "--map", town)
+    assert done.exit_code == 0, done.output
+    assert "skipped: readme.txt: no .parquet file\n" in done.stderr
+    assert "skipped: c.parquet: cannot be read (" in done.stderr
+    assert "answered               2" in done.output
+
+
 def test_nothing_answered_is_a_failure_that_says_why(tmp_path, town):
     source = trips(tmp_path, ["a", "b"], north=-90_000.0)
     done = run("match", source, "--map", town)

@@ -358,6 +358,26 @@ def test_what_cannot_be_run_is_refused_with_what_to_do(tmp_path, town, table, mo
         run_fleet(tmp_path / "t.parquet", town, tmp_path / "p", order="sorted", workers=1)
 
 
+def test_all_files_that_cannot_be_read_are_named_at_once(tmp_path, town, table):
+    lake = tmp_path / "lake"
+    lake.mkdir()
+    pq.write_table(table.slice(0, 400), lake / "good.parquet")
+    for name in ("bad", "worse"):
+        (lake / f"{name}.parquet").write_bytes((lake / "good.parquet").read_bytes()[:500])
+    (lake / "empty.arrow").write_bytes(b"")
+    named = r"3 files: .*bad\.parquet: cannot .*worse\.parquet: cannot .*empty\.arrow: cannot"
+    for order in ("any", "sorted"):
+        with pytest.raises(ReadError, match=named):
+            run_fleet(lake, town, tmp_path / order, order=order)
+    for path in lake.iterdir():
+        path.unlink()
+    pacsv.write_csv(table.slice(0, 400), lake / "good.csv")
+    for name in ("bad", "worse"):
+        (lake / f"{name}.csv").write_bytes(bytes(range(128, 256)) * 40)
+    with pytest.raises(ReadError, match=r"2 files: .*bad\.csv: cannot .*worse\.csv: cannot"):
+        run_fleet(lake, town, tmp_path / "csv")
+
+
 def test_the_process_that_hands_out_work_does_without_pandas(tmp_path, town, table):
     pq.write_table(table.slice(0, 79), tmp_path / "t.parquet")
     code = (

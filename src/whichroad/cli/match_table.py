@@ -45,12 +45,17 @@ def match_trips(
     """
     from ..batch import match_stream
     from ..readers.many_trips import zone_note
+    from ..readers.trip_files import dataset_of
     from ..roadmap import open_map
     from ..tables.schema import thinned
     from ..writers.stream import growing
 
     drive_id, columns = options["drive_id"], options["columns"]
-    note = zone_note(table, drive_id, columns) if options["tz"] is None else None
+    skipped: list[str] = []
+    data = dataset_of(table, skipped)
+    for one in skipped:
+        typer.echo(f"skipped: {one}", err=True)
+    note = zone_note(data, drive_id, columns) if options["tz"] is None else None
     if note:
         typer.echo(f"note: {note}", err=True)
     trips: list[pa.Table] = []
@@ -60,7 +65,7 @@ def match_trips(
         progress("reading the map", 0, 0)
         network = open_map(roads, crs=options["crs"])
         progress("localizing", 0, 0)
-        for part in match_stream(table, network, progress=progress, **options):
+        for part in match_stream(data, network, progress=progress, **options):
             if points:
                 points(thinned(part.points, every))
             if path:

@@ -10,6 +10,7 @@ import pyarrow as pa
 from ..errors import ReadError
 from ..readers.checks import listed
 from ..readers.names import NAMES, NoSuchColumn, find
+from ..readers.trip_files import schemas_of, unreadable
 
 _KINDS = {
     ".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
@@ -139,10 +140,19 @@ def schema_of(path: Path, kind: str) -> pa.Schema:
     Raises:
         ReadError: It cannot be read.
     """
-    import pyarrow.dataset as ds  # it brings pandas, which takes long
+    schemas, unread = schemas_of([path], kind)
+    if unread:
+        raise ReadError(unreadable(unread))
+    return schemas[path]
 
-    try:
-        return ds.dataset(str(path), format=kind).schema
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise ReadError(f"{path}: cannot be read as {kind} ({reason})") from None
+
+def check_readable(inputs: Inputs) -> None:
+    """See that all files but those of CSV, which have no header of their own, can be read.
+
+    Raises:
+        ReadError: Some cannot; it names them.
+    """
+    others = {kind: paths for kind, paths in inputs.files.items() if kind != "csv"}
+    unread = [bad for kind, paths in others.items() for bad in schemas_of(paths, kind)[1]]
+    if unread:
+        raise ReadError(unreadable(unread))

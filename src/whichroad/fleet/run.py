@@ -35,7 +35,7 @@ from ..sensors import Sensor
 from ..settings import Settings, Vehicle
 from . import manifest
 from .bad_trips import write_bad
-from .inputs import Inputs, inputs_of
+from .inputs import Inputs, check_readable, inputs_of
 from .staging import stage
 from .work import NOTHING, Done, Task, done_before, run_unit
 from .work_units import UNIT_ROWS, Unit, batches_of, plan, rows_of
@@ -230,6 +230,7 @@ def _units(
     if held and not missing:
         return held
     own = task.own_columns()
+    check_readable(inputs)
     if now["order"] == "sorted" and inputs.is_parquet:
         files = [path.resolve() for path in inputs.files["parquet"]]
     else:

@@ -3,19 +3,21 @@
 Files that are in order but cannot be read by parts (CSV, Arrow, queries) are copied as they are.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..errors import ReadError, SettingError
+from ..errors import ReadError, SettingError, first_line
 from ..readers.names import find, normal
+from ..readers.trip_files import unreadable
 from .inputs import Inputs, Used, schema_of, used_columns
 
 _LOCAL = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?"
 _ZONED = _LOCAL + r"(Z|[+-]\d\d(:?\d\d)?)"
 _SAMPLE = 10_000  # rows of which the times are looked at
 _GROUP = 65_536  # rows
+_OPTIONS = "union_by_name=true, auto_type_candidates=['BIGINT', 'DOUBLE', 'VARCHAR']"  # of CSV
 _SORTABLE = ("TIMESTAMP", "BIGINT", "INTEGER", "DOUBLE", "FLOAT", "DECIMAL", "UBIGINT", "HUGEINT")
 
 
@@ -38,20 +40,29 @@ def stage(
         ReadError: An input cannot be read, or lacks columns.
         SettingError: DuckDB is not installed, or the limit is none.
     """
-    with _connection(target.parent, memory, threads) as con:
-        sources = [_source(con, inputs, kind, trip_id, own) for kind in inputs.files]
-        sources += [f"SELECT * FROM ({query})" for query in inputs.queries]
-        union = " UNION ALL BY NAME ".join(sources)
-        kinds = {row[0]: row[1] for row in _run(con, f"DESCRIBE {union}").fetchall()}  # types
-        used = used_columns(kinds, trip_id, "trips", own)
-        wanted = ", ".join(_quoted(name) for name in used.columns)
-        rows = f"SELECT {wanted} FROM ({union})"
-        if not ordered:
-            rows = _sorted_rows(used, kinds, union)
-        beside = target.with_name(f".{target.name}.part")
-        _run(con, f"COPY ({rows}) TO {_text(beside)} (FORMAT parquet, ROW_GROUP_SIZE {_GROUP})")
-        beside.replace(target)
-        return used
+    connected, texts = _connection(target.parent, memory, threads), inputs.files.get("csv", ())
+    with connected as con, _named(con, texts):
+        return _staged(con, inputs, target, trip_id, ordered=ordered, own=own)
+
+
+def _staged(
+    con: Any, inputs: Inputs, target: Path, trip_id: str, *, ordered: bool,
+    own: Mapping[str, str | int],
+) -> Used:  # fmt: skip
+    """As `stage`, on a connection."""
+    sources = [_source(con, inputs, kind, trip_id, own) for kind in inputs.files]
+    sources += [f"SELECT * FROM ({query})" for query in inputs.queries]
+    union = " UNION ALL BY NAME ".join(sources)
+    kinds = {row[0]: row[1] for row in _run(con, f"DESCRIBE {union}").fetchall()}  # types
+    used = used_columns(kinds, trip_id, "trips", own)
+    wanted = ", ".join(_quoted(name) for name in used.columns)
+    rows = f"SELECT {wanted} FROM ({union})"
+    if not ordered:
+        rows = _sorted_rows(used, kinds, union)
+    beside = target.with_name(f".{target.name}.part")
+    _run(con, f"COPY ({rows}) TO {_text(beside)} (FORMAT parquet, ROW_GROUP_SIZE {_GROUP})")
+    beside.replace(target)
+    return used
 
 
 def _sorted_rows(used: Used, kinds: dict[str, str], union: str) -> str:
@@ -102,6 +113,29 @@ def _run(con: Any, query: str) -> Any:
         raise ReadError(f"trips: DuckDB cannot read them ({reason}); check files, query") from None
 
 
+@contextmanager
+def _named(con: Any, paths: Sequence[Path]) -> Iterator[None]:
+    """Where DuckDB refuses a query, the CSV files that it refuses alone are named.
+
+    Raises:
+        ReadError: It was refused.
+    """
+    import duckdb
+
+    try:
+        yield
+    except ReadError:
+        unread = []
+        for path in paths:
+            try:
+                con.execute(f"SELECT count(*) FROM read_csv([{_text(path)}], {_OPTIONS})")
+            except duckdb.Error as error:
+                unread.append((path, first_line(error)))
+        if unread:
+            raise ReadError(unreadable(unread)) from None
+        raise
+
+
 def _source(con: Any, inputs: Inputs, kind: str, trip_id: str, own: Mapping[str, str | int]) -> str:
     """The query of all rows of the files of a kind."""
     paths = inputs.files[kind]
@@ -129,7 +163,7 @@ def _csv(con: Any, inputs: Inputs, trip_id: str, own: Mapping[str, str | int]) -
     """The query of CSV files: trips stay text, times are read only where they are ISO 8601."""
     paths = inputs.files["csv"]
     names = ", ".join(_text(path) for path in paths)
-    options = "union_by_name=true, auto_type_candidates=['BIGINT', 'DOUBLE', 'VARCHAR']"
+    options = _OPTIONS
     seen = _run(con, f"DESCRIBE SELECT * FROM read_csv([{names}], {options})").fetchall()
     kinds = {row[0]: row[1] for row in seen}
     others = inputs.queries or len(inputs.files) > 1

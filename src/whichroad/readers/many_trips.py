@@ -23,10 +23,11 @@ from .splitting import split_trips
 from .table_drives import paired
 from .table_units import Units
 from .tables_in_memory import are_rows, in_memory, rows_as_columns
-from .trip_files import dataset_of, in_batches, is_dataset, is_partitioned, is_scanner
+from .trip_files import batches_in, dataset_of, in_batches, is_dataset, is_partitioned, is_scanner
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.dataset as ds
 
 Own = Mapping[str, str | int]  # aliases and names of columns, as `names.find` takes them
 _NONE: Own = {}
@@ -122,13 +123,16 @@ def _of_dataset(data: Any, drive_id: str, own: Own) -> Iterable[Any]:
     found = find(names, own)
     _check(names, found)
     used = {column.name for column in found.values()} | ({drive_id} & set(names))
-    return data.to_batches(  # type: ignore[no-any-return]
-        columns=sorted(used), batch_size=_BATCH, batch_readahead=1, fragment_readahead=1
-    )
+    return batches_in(data, sorted(used), _BATCH)
 
 
 def _table(source: Any, drive_id: str, own: Own) -> tuple["pa.Table", list[str]]:
     """Any table in memory as Arrow, and the names of all its columns."""
+    if hasattr(source, "to_frame") and not hasattr(source, "columns"):  # of pandas or polars
+        raise ReadError(
+            f"table: {type(source).__name__} is one column; a table with time, lat, lon and one "
+            "that names the trip was expected; give the whole frame"
+        )
     names = list(getattr(source, "columns", ()))
     if hasattr(source, "rename") and hasattr(source, "reset_index"):  # a frame of pandas
         source = source.rename(columns={drive_id: "drive_id"})
@@ -331,10 +335,10 @@ def packed(trips: Iterable[Trip], strict: bool) -> Iterator[TripBatch]:
         yield batch()
 
 
-def zone_note(path: str | PathLike[str], drive_id: str, columns: Own | None) -> str | None:
-    """What to say of a file whose times name no zone, by its first time; None: nothing."""
+def zone_note(data: "ds.Dataset", drive_id: str, columns: Own | None) -> str | None:
+    """What to say of trips whose times name no zone, by the first time; None: nothing."""
     own, drive_id = own_names(columns, drive_id)
-    return zone_note_of(_of_path(Path(path), drive_id, own), own)
+    return zone_note_of(_of_dataset(data, drive_id, own), own)
 
 
 def zone_note_of(batches: Iterable[Any], own: Own) -> str | None:
@@ -365,7 +369,7 @@ def are_many(path: str | PathLike[str], drive_id: str | None = None, columns: Ow
     seen: set[str] = set()
     try:
         own, drive_id = own_names(columns, drive_id or "drive_id")
-        for batch in _of_path(path, drive_id, own):
+        for batch in _of_dataset(dataset_of(path, []), drive_id, own):
             found = find(batch.schema.names, own)
             usual = found.get("drive_id") or found.get("vehicle_id")
             name = drive_id if drive_id != "drive_id" else usual and usual.name

@@ -1,16 +1,21 @@
 """Files and folders of many trips, and what else comes in batches, as Arrow reads them."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from ..errors import ReadError, first_line
+from .checks import listed
 
 if TYPE_CHECKING:
+    import pyarrow as pa
     import pyarrow.dataset as ds
 
 _FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
           ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip
+_OTHERS = (".csv", ".csv.gz", ".tsv", ".arrow", ".feather", ".ipc")  # may hold trips, too
+_MOST_NAMED = 10  # files in an error
 
 
 def is_dataset(path: Path) -> bool:
@@ -18,10 +23,15 @@ def is_dataset(path: Path) -> bool:
     return path.is_dir() or path.suffix.lower() in _FILES
 
 
-def dataset_of(path: Path) -> "ds.Dataset":
-    """A Parquet or Arrow file, or a folder of Parquet files.
+def dataset_of(path: Path, skipped: list[str] | None = None) -> "ds.Dataset":
+    """A Parquet or Arrow file, or the Parquet files of a folder with all of their columns.
 
     Of a folder whose parts bear values (`trip_id=v1/part.parquet`) these are columns of text.
+
+    Args:
+        path: The file or folder.
+        skipped: Where to say which files of a folder were left out; None: one that cannot be
+            read is an error.
 
     Raises:
         ReadError: It cannot be read as such.
@@ -31,20 +41,151 @@ def dataset_of(path: Path) -> "ds.Dataset":
 
     kind = "parquet" if path.is_dir() else _FILES.get(path.suffix.lower())
     if kind is None:
+        text = path.name.lower().endswith((".csv", ".csv.gz", ".tsv", ".txt"))
+        how = (
+            "read it by pandas.read_csv and give the table, or match it by `whichroad fleet`"
+            if text else "read_drive and match take the others, where each file is a drive"
+        )  # fmt: skip
         raise ReadError(
             f"{path}: a file of this kind is not read as a stream of trips; .parquet or .arrow "
-            "was expected; read_drive takes the others"
+            f"was expected; {how}"
         )
     try:
-        data = ds.dataset(path, format=kind)
-        names = dict.fromkeys(name for file in data.files for name in _keys(Path(file), path))
-        told = [name for name in names if name not in data.schema.names]
-        if not told:
-            return data
-        parts = pa.schema([(name, pa.string()) for name in told])
-        return ds.dataset(path, format=kind, partitioning=ds.partitioning(parts, flavor="hive"))
+        if not path.is_dir():
+            return ds.dataset(path, format=kind)
+        files, schema = _readable(_parquet_files(path, skipped), skipped)
+        names = dict.fromkeys(name for file in files for name in _keys(file, path))
+        parts = [pa.field(name, pa.string()) for name in names if name not in schema.names]
+        for part in parts:
+            schema = schema.append(part)
+        return ds.dataset(
+            [str(file) for file in files], schema, format=kind, partition_base_dir=str(path),
+            partitioning=ds.partitioning(pa.schema(parts), flavor="hive") if parts else None,
+        )  # fmt: skip
     except (pa.ArrowException, OSError) as error:
         raise ReadError(f"{path}: cannot be read as {kind} ({first_line(error)})") from None
+
+
+def _parquet_files(folder: Path, skipped: list[str] | None) -> list[Path]:
+    """The Parquet files of a folder; hidden ones (`_SUCCESS`) are left out, and other kinds.
+
+    Raises:
+        ReadError: There is none, or tables of trips of other kinds are among them.
+    """
+    from pyarrow import fs
+
+    found = fs.LocalFileSystem().get_file_info(fs.FileSelector(str(folder), recursive=True))
+    paths = sorted(Path(one.path) for one in found if one.is_file)
+    seen = [p for p in paths if not any(n[0] in "._" for n in p.relative_to(folder).parts)]
+    files = [path for path in seen if _FILES.get(path.suffix.lower()) == "parquet"]
+    if not files:
+        raise ReadError(f"{folder}: no .parquet file is in it; at least one was expected")
+    tables = [path.name for path in seen if path.name.lower().endswith(_OTHERS)]
+    if tables:
+        raise ReadError(
+            f"{folder}: {listed(tables, _MOST_NAMED)} in it may hold trips, too; Parquet files "
+            "alone were expected; `whichroad fleet` reads all kinds together"
+        )
+    others = [path.name for path in seen if path not in set(files)]
+    if skipped is not None and others:
+        skipped.append(f"{listed(others, _MOST_NAMED)}: no .parquet file")
+    return files
+
+
+def _readable(files: Sequence[Path], skipped: list[str] | None) -> "tuple[list[Path], pa.Schema]":
+    """Those of the Parquet files that can be read, and the columns of all."""
+    schemas, unread = schemas_of(files, "parquet")
+    if unread and (skipped is None or not schemas):
+        raise ReadError(unreadable(unread))
+    if skipped is not None:
+        skipped += [f"{path.name}: cannot be read ({why})" for path, why in unread]
+    return list(schemas), _joined(schemas.values())
+
+
+def schemas_of(
+    files: Iterable[Path], kind: str
+) -> "tuple[dict[Path, pa.Schema], list[tuple[Path, str]]]":
+    """The columns of each file, and the files that cannot be read, with the reason."""
+    import pyarrow as pa
+
+    schemas, unread = {}, []
+    for path in files:
+        try:
+            schemas[path] = _schema_of(path, kind)
+        except (pa.ArrowException, OSError) as error:
+            unread.append((path, first_line(error)))
+    return schemas, unread
+
+
+def _schema_of(path: Path, kind: str) -> "pa.Schema":
+    if kind == "parquet":
+        import pyarrow.parquet as pq
+
+        return pq.read_schema(path)
+    import pyarrow.dataset as ds  # it brings pandas, which takes long
+
+    return ds.dataset(path, format=kind).schema
+
+
+def unreadable(unread: Sequence[tuple[Path, str]]) -> str:
+    """The message of an error: which files cannot be read, and why."""
+    named = ", ".join(f"{path}: cannot be read ({why})" for path, why in unread[:_MOST_NAMED])
+    more = f", and {len(unread) - _MOST_NAMED:,} more" if len(unread) > _MOST_NAMED else ""
+    number = f"{len(unread):,} files: " if len(unread) > 1 else ""
+    return f"{number}{named}{more}; sound files were expected; write them again or take them away"
+
+
+def _joined(schemas: "Iterable[pa.Schema]") -> "pa.Schema":
+    """All columns, those of the first table first; each has a type that holds all of its own."""
+    import pyarrow as pa
+
+    first, *others = schemas
+    fields = {field.name: field for field in first}
+    for schema in others:
+        if schema.equals(first):
+            continue
+        for field in schema:
+            known = fields.setdefault(field.name, field)
+            if known.type != field.type:
+                both = [pa.schema([known.remove_metadata()]), pa.schema([field.remove_metadata()])]
+                try:
+                    wide = pa.unify_schemas(both, promote_options="permissive")
+                except pa.ArrowException:  # reading will tell whether the first's type will do
+                    continue
+                fields[field.name] = known.with_type(wide.field(0).type)
+    return pa.schema(list(fields.values()), first.metadata)
+
+
+def batches_in(data: "ds.Dataset", columns: list[str], rows: int) -> "Iterator[pa.RecordBatch]":
+    """Record batches of up to so many rows.
+
+    Raises:
+        ReadError: A file cannot be read to its end.
+    """
+    import pyarrow as pa
+
+    try:
+        yield from data.to_batches(
+            columns=columns, batch_size=rows, batch_readahead=1, fragment_readahead=1
+        )
+    except (pa.ArrowException, OSError) as error:
+        where = next((f.path for f in data.get_fragments() if not _is_sound(f, data, columns)), "")
+        raise ReadError(
+            f"{where or 'table'}: cannot be read to its end ({first_line(error)}); sound files "
+            "with columns of one kind were expected; write it again"
+        ) from None
+
+
+def _is_sound(fragment: Any, data: "ds.Dataset", columns: list[str]) -> bool:
+    """Whether a file of a dataset can be read, or cannot be named."""
+    import pyarrow as pa
+
+    try:
+        for _ in fragment.to_batches(schema=data.schema, columns=columns):
+            pass
+    except (pa.ArrowException, OSError):
+        return not hasattr(fragment, "path")
+    return True
 
 
 def is_partitioned(path: Path) -> bool:
