@@ -101,18 +101,23 @@ def fleet(
     own = {name: str(column) for name, column in read_columns(columns).items()}
     sensors = read_sensors(sensor)
     from ..fleet import run_fleet
+    from ..fleet.manifest import said_of_end
 
-    with progress_line() as show:
-        show("reading the trips", 0, 0)
+    try:
+        with progress_line() as show:
+            show("reading the trips", 0, 0)
 
-        def tell(so_far: "Progress") -> None:
-            show(_line(so_far), so_far.done.rows, so_far.rows)
+            def tell(so_far: "Progress") -> None:
+                show(_line(so_far), so_far.done.rows, so_far.rows)
 
-        summary = run_fleet(
-            trips, roads, out, trip_id=trip_id, split=split, order=order, points=points,
-            vehicle=vehicle, lag=lag, crs=crs, columns=own, tz=tz, dates=dates, sensors=sensors,
-            places=places, workers=workers, memory=memory, resume=resume, progress=tell,
-        )  # fmt: skip
+            summary = run_fleet(
+                trips, roads, out, trip_id=trip_id, split=split, order=order, points=points,
+                vehicle=vehicle, lag=lag, crs=crs, columns=own, tz=tz, dates=dates, sensors=sensors,
+                places=places, workers=workers, memory=memory, resume=resume, progress=tell,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        typer.echo(said_of_end(out), err=True)
+        raise typer.Exit(130) from None
     print_fleet(summary)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from .. import __version__
 from ..errors import ReadError, WriteError
 from ..settings import Settings, Vehicle
+from ..wording import counted
 from .inputs import Inputs
 from .work import SCHEMA_VERSION, Task
 from .work_units import Piece, Unit
@@ -79,6 +80,15 @@ def read(out: Path) -> tuple[dict[str, Any], list[Unit]] | None:
             "folder"
         ) from None
     return held, units
+
+
+def said_of_end(out: Path) -> str:
+    """What to say of a run that was interrupted: how far it is, and how to go on."""
+    held = read(out)
+    if held is None:
+        return "interrupted before the first unit of work; go on by --resume"
+    done = sum((out / "drives" / f"{unit.name}.parquet").exists() for unit in held[1])
+    return f"interrupted: {done:,} of {counted(len(held[1]), 'unit')} done; go on by --resume"
 
 
 def check_same(out: Path, held: dict[str, Any], now: dict[str, Any]) -> None:

@@ -8,9 +8,11 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,7 +39,7 @@ from . import manifest
 from .bad_trips import write_bad
 from .inputs import Inputs, check_readable, inputs_of
 from .staging import stage
-from .work import NOTHING, Done, Task, done_before, run_unit
+from .work import NOTHING, Done, Task, done_before, run_unit, sweep
 from .work_units import UNIT_ROWS, Unit, batches_of, plan, rows_of
 
 _WORK = ".work"  # folder of what is needed until the end
@@ -156,6 +158,7 @@ def run_fleet(
     now = manifest.asked(task, inputs, order, roads.identity)
     if held is not None:
         manifest.check_same(folder, held[0], now)
+    sweep(task)
     size = workers or cores()
     units = _units(folder, inputs, now, held and held[1], task, memory, size, unit_rows)
     waiting = [unit for unit in units if not task.is_done(unit)]
@@ -284,15 +287,16 @@ def _all(
     """Run the units that are not there, and sum what became of all."""
     rows, began, before = sum(unit.rows for unit in units), time.monotonic(), done.rows
     runs = _here(task, waiting) if workers < 2 else _by_processes(task, waiting, workers)
-    for one in runs:
-        done = done.plus(one)
-        if progress:
-            rate = (done.rows - before) / max(time.monotonic() - began, 1e-9)
-            progress(Progress(done, rows, rate, (rows - done.rows) / rate))
+    with closing(runs):  # at once, whatever ends it
+        for one in runs:
+            done = done.plus(one)
+            if progress:
+                rate = (done.rows - before) / max(time.monotonic() - began, 1e-9)
+                progress(Progress(done, rows, rate, (rows - done.rows) / rate))
     return done
 
 
-def _here(task: Task, units: list[Unit]) -> Iterator[Done]:
+def _here(task: Task, units: list[Unit]) -> Generator[Done, None, None]:
     return (run_unit(task, unit) for unit in units)
 
 
@@ -311,17 +315,46 @@ def _start_processes() -> None:
     if _context().get_start_method() == "forkserver":
         from multiprocessing import forkserver
 
-        forkserver.ensure_running()
+        with _unheard():
+            forkserver.ensure_running()
 
 
-def _by_processes(task: Task, units: list[Unit], workers: int) -> Iterator[Done]:
+@contextmanager
+def _unheard() -> Iterator[None]:
+    """Processes that begin here never hear Ctrl-C, which a terminal sends to all of a run.
+
+    This one hears it at the end, when it knows of all that it has begun.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    heard: list[int] = []
+    usual = signal.getsignal(signal.SIGINT)
+    late = callable(usual) and threading.current_thread() is threading.main_thread()
+    if late:  # another thread may take the signal for this one
+        signal.signal(signal.SIGINT, lambda number, frame: heard.append(number))
+    resource_tracker.ensure_running()  # it would lift the block
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if late:
+            signal.signal(signal.SIGINT, usual)
+        if heard:
+            signal.raise_signal(signal.SIGINT)
+
+
+def _by_processes(task: Task, units: list[Unit], workers: int) -> Generator[Done, None, None]:
     """Units by processes, each with the map mapped; few of them wait."""
+    others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, mp_context=_context(), initializer=_begin)
     running = set()
     try:
         left = iter(units)
         for unit in left:
-            running.add(pool.submit(run_unit, task, unit))
+            with _unheard():  # the first ones start the workers
+                running.add(pool.submit(run_unit, task, unit))
             if len(running) >= _AHEAD * workers:
                 first = next(as_completed(running))
                 running.remove(first)
@@ -333,6 +366,12 @@ def _by_processes(task: Task, units: list[Unit], workers: int) -> Iterator[Done]
             f"{task.out}: a worker ended before its work (killed, or out of memory); all units "
             "that are there stay; go on by --resume, with fewer --workers where memory is short"
         ) from None
+    except (KeyboardInterrupt, GeneratorExit):  # nobody waits for what was begun
+        for worker in set(multiprocessing.active_children()) - others:
+            worker.terminate()
+            worker.join()
+        sweep(task)
+        raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
 

@@ -108,6 +108,10 @@ def _run(con: Any, query: str) -> Any:
 
     try:
         return con.execute(query)
+    except RuntimeError as error:
+        if "interrupted" in str(error):  # as DuckDB says that Ctrl-C came
+            raise KeyboardInterrupt from None
+        raise
     except duckdb.Error as error:
         reason = str(error).splitlines()[0]
         raise ReadError(f"trips: DuckDB cannot read them ({reason}); check files, query") from None

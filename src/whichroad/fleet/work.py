@@ -170,6 +170,13 @@ def _growing(
         beside.unlink(missing_ok=True)
 
 
+def sweep(task: Task) -> None:
+    """Remove the files that a run left half-written when it was killed."""
+    for folder in (Path(task.out), *map(task.folder, task.tables)):
+        for path in folder.glob(".*.[0-9]*"):
+            path.unlink(missing_ok=True)
+
+
 def told(unit: str, rows: int, drives: pa.Table) -> Done:
     """What a table of drives says of all of them."""
     reasons: Counter[str] = Counter()
