@@ -584,6 +584,37 @@ def test_rounded_coordinates_are_found_in_each_trip_as_alone(roads, fleet):
     assert one.summary["notes"] == many.drives["notes"][1].as_py()
 
 
+def resampled(column: str) -> pa.Table:
+    """The trips one after the other as two of 112 rows, the first of which is resampled."""
+    n, rng = 224, np.random.default_rng(5)
+    x = 10.0 + np.tile(np.cumsum(1.5 + np.sin(np.arange(112) / 9.0)), 2)
+    values = {
+        "time": 1.6e9 + np.arange(n),
+        "speed_mps": (2.0 + np.sin(np.arange(n) / 7.0)).round(2),
+        "bearing_deg": rng.normal(90.0, 2.0, n),
+    }
+    lat, lon = PLANE.to_geodetic(*(np.array([x, 0.0 * x]) + rng.normal(0.0, 1.0, (2, n))))
+    values |= {"lat": lat, "lon": lon}
+    row = np.arange(112)
+    for name in (column, "lon") if column == "lat" else (column,):
+        own = values[name][:112]
+        own[:] = np.interp(row, row[::9], own[::9]) if column == "lat" else own[row // 4 * 4]
+    return pa.table({"drive_id": np.repeat(["a", "b"], 112), **values})
+
+
+@pytest.mark.parametrize(("column", "note"), [("lat", "places of 99")])
+def test_resampled_columns_are_found_in_each_trip_as_alone(roads, column, note):
+    table = resampled(column)
+    many = match_many(table, roads)
+    told, others = many.drives["notes"].to_pylist()
+    assert others == []
+    assert told[0].startswith(note)
+    one = whichroad.match(table.slice(0, 112), roads)
+    mine = pa.compute.equal(many.points["drive_id"], "a")
+    assert many.points.filter(mine).equals(one.to_arrow())
+    assert one.summary["notes"] == told
+
+
 def test_no_thread_is_no_number_of_threads(roads, fleet):
     with pytest.raises(whichroad.SettingError, match="threads is 0"):
         match_many(fleet, roads, threads=0)

@@ -13,7 +13,16 @@ from whichroad.epochs import Timeline, build_timeline, epochs_of_fixes
 from whichroad.errors import DriveError
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS
 from whichroad.geodesy.plane import Plane
-from whichroad.observations import Drive, Fixes, Odometer, OdometryLog, SpeedYawRate, WheelCounts
+from whichroad.observations import (
+    INTERPOLATED,
+    Drive,
+    Fixes,
+    Odometer,
+    OdometryLog,
+    SpeedYawRate,
+    WheelCounts,
+)
+from whichroad.recorded import is_sparse
 from whichroad.settings import Vehicle
 
 PLANE = Plane(49.4, 8.7)
@@ -169,6 +178,41 @@ def test_drives_of_fixes_alone_are_put_on_their_clocks_at_once(seed: int, counts
             masked = timeline(fixes=part, mask=[(-9.0, -8.0)])  # which hides nothing
             own_rows = epochs[low : low + len(masked.epochs)]
             np.testing.assert_array_equal(own_rows, masked.epochs)
+
+
+def lined(every: int, n: int = 100) -> Fixes:
+    """Fixes each second of which one of `every` was measured."""
+    fixes = fixes_at([float(k) for k in range(n)], [5.0 * k for k in range(n)])
+    flags = np.where(np.arange(n) % every > 0, INTERPOLATED, 0).astype(np.uint16)
+    return dataclasses.replace(fixes, flags=flags)
+
+
+@pytest.mark.parametrize("every", [10, 15])
+def test_places_that_were_interpolated_are_no_fixes(every):
+    alone = timeline(fixes=lined(every))
+    assert alone.epochs.has_fix.tolist() == [int(k % every == 0) for k in range(100)]
+    assert not alone.epochs.filled.any()
+
+
+def test_where_fixes_are_far_apart_belief_waits_at_places_between():
+    alone = timeline(fixes=lined(20))
+    assert alone.epochs.filled.tolist() == [int(k % 20 > 0) for k in range(100)]
+    assert alone.interval == 20.0
+    assert is_sparse(alone)
+
+
+def test_beside_odometry_places_that_were_interpolated_are_no_fixes():
+    time = [0.5 * k for k in range(200)]
+    both = timeline(odometer(time, [2.5 * k for k in range(200)]), lined(20))
+    assert np.flatnonzero(both.epochs.has_fix).tolist() == [0, 40, 80, 120, 160]
+    assert not both.epochs.filled.any()
+
+
+def test_a_mask_counts_fixes_and_leaves_places_that_were_interpolated():
+    masked = timeline(fixes=lined(20), mask=[(35.0, 45.0)])
+    assert masked.masked == 11
+    assert not masked.epochs.has_fix[40]
+    assert masked.epochs.filled[46:60].all()
 
 
 def _columns(fixes: Fixes) -> list[np.ndarray]:

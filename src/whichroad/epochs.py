@@ -7,6 +7,7 @@ and differenced between epochs, so a fix between two wheel readings splits the a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
 from .filter.vetting.latency import LONGEST
 from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
-from .observations import Array, Drive, Fixes, SensorReading, WithGyro
+from .observations import INTERPOLATED, Array, Drive, Fixes, SensorReading, WithGyro
 from .sensors.clock_delay import delay_of
 from .sensors.filled_gaps import filled_gaps
 from .sensors.gnss import fix_rows
@@ -32,6 +33,7 @@ from .wording import by_reason
 _SAME = 1e-4  # s, distance below which readings are one epoch
 _SHARED = 0.9  # share of the fixes that were read from rows of the odometry, from which all were
 _SLACK = 1.0  # s by which a mask may miss a drive
+SPARSE = 15.0  # s between fixes, beyond which the path is chosen as a whole
 _GAP = 2.0  # s without odometry after which it no longer counts as known
 
 
@@ -52,8 +54,8 @@ class Timeline:
 
     @property
     def interval(self) -> float:
-        """Median of the seconds between epochs; 0 where there is but one."""
-        steps = np.sort(np.diff(self.epochs.time))
+        """Median of the seconds between epochs that are not filled; 0 where there is but one."""
+        steps = np.sort(np.diff(self.epochs.time[self.epochs.filled == 0]))
         n = len(steps)
         return float(0.5 * (steps[(n - 1) // 2] + steps[n // 2])) if n else 0.0
 
@@ -166,6 +168,8 @@ def build_timeline(
         at = _nearest(time, fixes.time)
         keep = _kept(fixes, mask, float(time[0]))
         masked = int((~keep).sum())
+        if motion is not None or told:  # which tell more than a row that waits
+            keep &= ~_made(fixes)
         fix, heading, sigma = fix_rows(fixes, plane)
         at = at[keep]
         epochs.has_fix[at] = 1
@@ -173,7 +177,10 @@ def build_timeline(
         epochs.speed[at], epochs.speed_sigma[at] = fixes.speed[keep], fixes.sigma_speed[keep]
         epochs.course[at], epochs.course_sigma[at] = heading[keep], sigma[keep]
         if motion is None:
-            epochs.filled[at] = filled_gaps(time[at], fix[keep, :2], fix[keep, 2], [0])
+            filled = np.zeros(len(fixes), np.uint8)
+            filled[keep] = filled_gaps(time[at], fix[keep, :2], fix[keep, 2], [0])
+            filled, has_fix = _taken(fixes, [0], filled)
+            epochs.filled[at], epochs.has_fix[at] = filled[keep], has_fix[keep]
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
     takeover = None if motion is None else motion.takeover
     tick = motion.tick if motion is not None and mode == WHEELS else 0.0
@@ -181,6 +188,40 @@ def build_timeline(
         _heard(epochs, told, sensed), sensed.names
     )  # fmt: skip
     return Timeline(epochs, mode, masked, heard, names, takeover, wrong, delay, late, tick)
+
+
+def _made(fixes: Fixes) -> NDArray[np.bool_]:
+    """Which fixes are none, as their places were interpolated, (n,)."""
+    return np.asarray((fixes.flags & INTERPOLATED) > 0)
+
+
+def _taken(
+    fixes: Fixes, first: Sequence[int], filled: NDArray[np.uint8]
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Which epochs of fixes alone wait for the next one, and which have a fix, (n,) each.
+
+    Between fixes that are far apart the route is found as a whole, so that belief waits at places
+    that were interpolated.  Else it goes on without them.
+    """
+    has_fix = np.ones(len(fixes), np.uint8)
+    made = _made(fixes)
+    if not made.any():
+        return filled, has_fix
+    filled = filled.copy()
+    for low, high in pairwise([*first, len(fixes)]):
+        own = made[low:high]
+        apart = np.diff(fixes.time[low:high][~own])
+        if own.any() and np.median(apart) > SPARSE:
+            filled[low:high] |= own
+        else:
+            has_fix[low:high] &= ~own
+    return filled, has_fix
+
+
+def is_interpolated(epochs: Records) -> bool:
+    """Whether epochs of a drive wait as their places were interpolated, not repeated."""
+    at = np.flatnonzero(epochs.filled[1:]) + 1
+    return bool((epochs.fix[at, :2] != epochs.fix[at - 1, :2]).any())
 
 
 def _kept(
@@ -204,9 +245,10 @@ def _motion(
     if drive.odometry is None or len(drive.odometry.time) < 2:
         return None, (), 0.0
     told = fixes
-    if fixes is not None and (mask or isinstance(drive.odometry, WithGyro)):
+    made = fixes is not None and bool(_made(fixes).any())
+    if fixes is not None and (mask or made or isinstance(drive.odometry, WithGyro)):
         begin = min(float(fixes.time[0]), float(drive.odometry.time[0]))
-        keep = _kept(fixes, mask, begin)
+        keep = _kept(fixes, mask, begin) & ~_made(fixes)
         told = Fixes(**{f.name: getattr(fixes, f.name)[keep] for f in fields(Fixes)})
     motion = motion_of(drive.odometry, vehicle, told)
     if len(motion.time) < 2:
@@ -269,6 +311,7 @@ def epochs_of_fixes(
     epochs.speed, epochs.speed_sigma = fixes.speed, fixes.sigma_speed
     epochs.fix, epochs.course, epochs.course_sigma = fix_rows(fixes, plane)
     epochs.filled = filled_gaps(epochs.time, epochs.fix[:, :2], epochs.fix[:, 2], first)
+    epochs.filled, epochs.has_fix = _taken(fixes, first, epochs.filled)
     return epochs, np.logical_and.reduceat(apart, first) if len(first) else apart[:0]
 
 

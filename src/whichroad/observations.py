@@ -1,8 +1,7 @@
 """What passes between modules: columns of a recorded drive, and single observations.
 
 Times are seconds since 1970-01-01 UTC.  Names of what is in degrees end in `_deg`, and it stays
-outside the filter.  A quantity that a sensor did not report has an infinite sigma,
-never a NaN.
+outside the filter.  A quantity that a sensor did not report has an infinite sigma, never a NaN.
 """
 
 import math
@@ -23,6 +22,7 @@ ASSUMED = 2  # covariance is the settings' default, nothing was reported
 NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon were used
 FROM_QUALITY = 8  # sigma of FROM_HDOP or ASSUMED that the receiver's kind of fix has changed
 ROUNDED = 16  # the covariance has the error of coordinates with few decimals added
+INTERPOLATED = 32  # no fix: the place lies on a line between others of its drive
 
 SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that reports no sigma
 MOVING = 1.0  # m/s, below it a course over ground means nothing
@@ -42,7 +42,7 @@ class Fixes:
     sigma_speed: Array
     bearing_deg: Array  # course over ground, clockwise from north
     sigma_bearing_deg: Array
-    flags: NDArray[np.uint8]
+    flags: NDArray[np.uint16]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -238,9 +238,8 @@ class WheelTicks:
 
     Attributes:
         time: s since 1970 UTC.
-        left: Counts of the left rear wheel since any moment; fewer in reverse.
-            `Vehicle.metres_per_tick_left` makes metres of them.  They are unwrapped, or wrap at
-            `Vehicle.counter_bits`.
+        left: Counts of the left rear wheel since any moment; fewer in reverse.  Metres are
+            `Vehicle.metres_per_tick_left` times it.  Unwrapped, or up to `Vehicle.counter_bits`.
         right: Counts of the right rear wheel.
     """
 

@@ -18,7 +18,7 @@ from .diagnosis.sensors import (
     takeover_findings,
     tick_findings,
 )
-from .epochs import Timeline
+from .epochs import SPARSE, Timeline, is_interpolated
 from .errors import DriveError
 from .filter.lookback.history import is_full, new_history
 from .filter.state import (
@@ -53,7 +53,6 @@ from .workspace import Workspace, entries_of, without_states
 _CHUNK = 20_000  # epochs between two checks of the path tree and progress reports
 _STATES = 1000  # moments of a drive at which the states of sensors are kept, where they are
 _SPARE_ENTRIES = 4096  # free entries of the path tree, below which it is tidied
-_WHOLE = 15.0  # s between fixes, beyond which the path is chosen as a whole
 
 
 class Recorded(NamedTuple):
@@ -139,6 +138,8 @@ def localize_recorded(
         if progress is not None:
             progress(done)
     vetting = copied(belief.state)[0].vetting
+    if is_interpolated(epochs):  # a reader has said so
+        vetting.repeats.seconds = 0.0
     further = further_findings(timeline.sensors, belief.state.sensors[0])
     counts = readings_of(timeline.sensors, belief.state.sensors[0])
     off = map_error_of(belief, settings, roads.plane)
@@ -171,7 +172,7 @@ def localize_recorded(
 
 def is_sparse(timeline: Timeline) -> bool:
     """Whether the heaviest path is chosen, as a whole: single epochs do not see between fixes."""
-    return timeline.mode == CLOCK and timeline.interval > _WHOLE
+    return timeline.mode == CLOCK and timeline.interval > SPARSE
 
 
 def localize_by_paper(

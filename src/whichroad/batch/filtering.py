@@ -8,7 +8,7 @@ import numpy as np
 
 from .._compile import Record, Records
 from ..diagnosis.sensors import sensor_findings
-from ..epochs import Timeline
+from ..epochs import Timeline, is_interpolated
 from ..filter.lookback.history import new_history
 from ..filter.lookback.passage import TRAVERSAL
 from ..filter.lookback.smoother import smooth_span
@@ -107,8 +107,10 @@ def filter_batch(
     workspace = Workspace.taken()
     if lag is None:
         output, drives = _filtered(workspace, roads, epochs, first, vehicle, settings)
-        noted = [_notes(vetting) for vetting in drives.vetting]
-        notes = [noted[row] if row >= 0 else () for row in drives.vetted.tolist()]
+        notes = [
+            _notes(drives.vetting[row], epochs[low:high]) if row >= 0 else ()
+            for row, (low, high) in zip(drives.vetted.tolist(), pairwise(first), strict=False)
+        ]
     else:
         smoother = _Smoother(workspace, roads, epochs, vehicle, settings, lag)
         output, drives, notes = smoother.smoothed(first)
@@ -150,8 +152,10 @@ def _filtered(
     )  # fmt: skip
 
 
-def _notes(vetting: Record) -> tuple[str, ...]:
+def _notes(vetting: Record, epochs: Records) -> tuple[str, ...]:
     """What is said of the sensors of a drive."""
+    if is_interpolated(epochs):  # a reader has said so
+        vetting.repeats.seconds = 0.0
     return tuple(finding.note for finding in sensor_findings(vetting))
 
 
@@ -188,7 +192,7 @@ class _Smoother:
             if not self._take(low, high):
                 break
             chains.append(self._chain(low, high))
-            notes.append(_notes(self._vetting))
+            notes.append(_notes(self._vetting, self._epochs[low:high]))
         driven, first_edge = untimed(chains)
         drives = Drives(
             np.array(first[: len(chains) + 1]), first_edge, driven, records(0, VETTING),

@@ -31,6 +31,7 @@ from .checks import Skipped, in_order
 from .drive_columns import steered, unused
 from .mixed_rows import mixed_notes
 from .reported_fixes import Reported, make_fixes
+from .resampled import resampling_notes
 from .rounded_places import rounding_notes
 from .wheel_counters import cumulative
 
@@ -76,7 +77,9 @@ def drive_of_observations(
     settings = settings or Settings()
     located = make_fixes(_reported(fixes), settings, skipped) if fixes else None
     sensed = sorted((o for o in possible if isinstance(o, SensorReading)), key=lambda o: o.time)
-    notes = (*notes, *mixed_notes(located), *rounding_notes(located))
+    notes = (
+        *notes, *mixed_notes(located), *rounding_notes(located), *resampling_notes(located)
+    )  # fmt: skip
     return Drive(
         "drive", located, odometry, skipped=dict(skipped), notes=notes, sensed=tuple(sensed)
     )

@@ -22,6 +22,7 @@ from ..observations import (
 from ..settings import Vehicle
 from .drive_columns import unused
 from .mixed_rows import mixed_notes
+from .resampled import resampling_notes
 from .rounded_places import rounding_notes
 from .units_by_places import (
     SPEED_UNITS,
@@ -66,7 +67,9 @@ def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
         notes = _notes(drive, vehicle)
     if drive.gyro is not None:
         notes += unused({"yaw_rate"}, drive.odometry) or [_SECOND]
-    notes += [*mixed_notes(drive.fixes), *rounding_notes(drive.fixes)]
+    notes += [
+        *mixed_notes(drive.fixes), *rounding_notes(drive.fixes), *resampling_notes(drive.fixes)
+    ]  # fmt: skip
     return replace(drive, notes=(*drive.notes, *notes)) if notes else drive
 
 

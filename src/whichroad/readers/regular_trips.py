@@ -23,6 +23,7 @@ from .fix_quality import NO_FIX
 from .mixed_rows import NOTED, alternating
 from .names import Column, find, normal
 from .reported_fixes import completed, is_place, is_vague, says_no_hdop
+from .resampled import RESAMPLED, resampling_notes
 from .rounded_places import rounding_notes
 from .table_units import Units
 from .units_by_places import TOO_FAST, distances, reachable
@@ -115,11 +116,12 @@ def batched_fixes(
     fixes = completed(reported(columns, skipped), begin[:-1], settings, skipped)
     if skipped:
         return None
-    if (fixes.flags & ROUNDED).any():
+    if (fixes.flags & (ROUNDED | RESAMPLED)).any():
         for trip, (low, high) in zip(
             np.flatnonzero(regular).tolist(), pairwise(begin), strict=True
         ):
-            notes[trip] = (*notes.get(trip, ()), *rounding_notes(fixes, low, high))
+            said = (*rounding_notes(fixes, low, high), *resampling_notes(fixes, low, high))
+            notes[trip] = (*notes.get(trip, ()), *said)
     return RegularTrips(fixes, regular, notes)
 
 

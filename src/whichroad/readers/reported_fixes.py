@@ -15,6 +15,7 @@ from ..observations import (
     ASSUMED,
     FROM_HDOP,
     FROM_QUALITY,
+    INTERPOLATED,
     MOVING,
     NO_CORRELATION,
     ROUNDED,
@@ -27,6 +28,7 @@ from ..sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE, TOO_VAGUE, WORST
 from ..settings import Settings
 from .checks import Bools, Ints, Skipped, in_order, keep
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
+from .interpolated_places import interpolated
 from .rounded_places import rounding
 
 # A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
@@ -147,11 +149,14 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
     lat, rounded = r.lat_deg, rounding(r.lat_deg, r.lon_deg, first)
     if rounded is not None:
         lat, cov_ee, cov_nn = lat + rounded.lat_deg, cov_ee + rounded.ee, cov_nn + rounded.nn
-        flags |= np.where(rounded.nn > 0.0, ROUNDED, 0).astype(np.uint8)
+        flags |= np.where(rounded.nn > 0.0, ROUNDED, 0).astype(np.uint16)
     # phones write -1 for unknown values
     speed = _without(r.speed, None if r.speed is None else r.speed < 0, NO_SPEED, skipped)
     course = r.bearing_deg
     course = _without(course, None if course is None else course == -1.0, NO_COURSE, skipped)
+    made = interpolated(r.time, r.lat_deg, r.lon_deg, first)
+    if made is not None:
+        flags |= np.where(made, INTERPOLATED, 0).astype(np.uint16)
     speed, sigma_speed = _or_unknown(speed, r.sigma_speed, len(r.time))
     bearing, sigma_bearing = _course(course, speed, sigma_speed)
     return Fixes(
@@ -190,7 +195,7 @@ def _column(values: Array | None, n: int) -> Array:
 
 def _covariance(
     r: Reported, settings: Settings, skipped: Skipped
-) -> tuple[Array, Array, Array, NDArray[np.uint8]]:
+) -> tuple[Array, Array, Array, NDArray[np.uint16]]:
     n = len(r.time)
     ee, nn, hdop = _column(r.cov_ee, n), _column(r.cov_nn, n), _column(r.hdop, n)
     en = np.zeros(n) if r.cov_en is None else r.cov_en
@@ -203,13 +208,13 @@ def _covariance(
     by_hdop = ~given & (hdop > 0) & np.isfinite(hdop)
     by_hdop &= keep(~(by_hdop & says_no_hdop(hdop)), NO_HDOP, skipped)
     sigma = np.where(by_hdop, hdop * settings.user_range_error_m, settings.default_sigma_m)
-    flags = np.where(good, 0, np.where(by_hdop, FROM_HDOP, ASSUMED)).astype(np.uint8)
+    flags = np.where(good, 0, np.where(by_hdop, FROM_HDOP, ASSUMED)).astype(np.uint16)
     if r.quality is not None:
         ratio = error_ratios(r.quality)
         sigma = np.where(ratio == 1.0, sigma, np.maximum(ratio * sigma, LEAST_SIGMA))
-        flags |= np.where(~good & (ratio != 1.0), FROM_QUALITY, 0).astype(np.uint8)
+        flags |= np.where(~good & (ratio != 1.0), FROM_QUALITY, 0).astype(np.uint16)
     if r.no_correlation is not None:
-        flags |= np.where(good & r.no_correlation, NO_CORRELATION, 0).astype(np.uint8)
+        flags |= np.where(good & r.no_correlation, NO_CORRELATION, 0).astype(np.uint16)
     ee, nn = np.where(good, ee, sigma**2), np.where(good, nn, sigma**2)
     return ee, np.where(good, en, 0.0), nn, flags
 
