@@ -602,7 +602,10 @@ def resampled(column: str) -> pa.Table:
     return pa.table({"drive_id": np.repeat(["a", "b"], 112), **values})
 
 
-@pytest.mark.parametrize(("column", "note"), [("lat", "places of 99")])
+@pytest.mark.parametrize(
+    ("column", "note"), [("lat", "places of 99"), ("speed_mps", "speeds of 84"),
+                         ("bearing_deg", "courses of 84")]
+)  # fmt: skip
 def test_resampled_columns_are_found_in_each_trip_as_alone(roads, column, note):
     table = resampled(column)
     many = match_many(table, roads)

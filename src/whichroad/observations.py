@@ -23,6 +23,7 @@ NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon
 FROM_QUALITY = 8  # sigma of FROM_HDOP or ASSUMED that the receiver's kind of fix has changed
 ROUNDED = 16  # the covariance has the error of coordinates with few decimals added
 INTERPOLATED = 32  # no fix: the place lies on a line between others of its drive
+HELD_SPEED, HELD_COURSE, ZERO_SPEED = 64, 128, 256  # not used: it repeats the row before; is 0
 
 SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that reports no sigma
 MOVING = 1.0  # m/s, below it a course over ground means nothing

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from whichroad.geodesy.plane import Plane
-from whichroad.observations import INTERPOLATED, Fixes
+from whichroad.observations import HELD_COURSE, HELD_SPEED, INTERPOLATED, ZERO_SPEED, Fixes
 from whichroad.readers import read_drive
 from whichroad.readers.drive_tables import drive_from_table
 
@@ -34,6 +34,11 @@ def driven(n: int = 400, every: float = 1.0, sigma: float = 1.0, seed: int = 0) 
             "bearing_deg": (np.degrees(course) + rng.normal(0.0, 2.0, n)) % 360.0,
         }
     )
+
+
+def held(frame: pd.DataFrame, column: str, every: int) -> pd.DataFrame:
+    rows = np.arange(len(frame)) // every * every
+    return frame.assign(**{column: frame[column].to_numpy()[rows]})
 
 
 def interpolated(
@@ -109,3 +114,86 @@ def test_what_was_measured_or_computed_is_left_as_it_is(frame):
     fixes, notes = read(frame)
     assert not fixes.flags.any()
     assert notes == []
+
+
+@pytest.mark.parametrize("every", [3, 5, 10])
+def test_of_speeds_that_are_held_the_first_is_used(every):
+    frame = driven()
+    fixes, (note,) = read(held(frame, "speed_mps", every))
+    known = np.isfinite(fixes.sigma_speed)
+    first = np.arange(len(frame)) % every == 0
+    moves = frame.speed_mps.to_numpy() > 3.0
+    assert known[first & moves].all()
+    assert not known[~first & moves].any()
+    assert fixes.speed[first & moves].tolist() == frame.speed_mps[first & moves].tolist()
+    assert ((fixes.flags & HELD_SPEED) > 0).tolist() == (~known).tolist()
+    assert note.startswith(f"speeds of {(~known).sum()} of 400 rows repeat the row before")
+    courses = np.isfinite(fixes.sigma_bearing_deg)  # these are measured every second
+    assert courses[moves].mean() > 0.95
+
+
+@pytest.mark.parametrize("every", [5, 10])
+def test_of_courses_that_are_held_the_first_is_used(every):
+    frame = driven()
+    fixes, (note,) = read(held(frame, "bearing_deg", every))
+    known = np.isfinite(fixes.sigma_bearing_deg)
+    first = np.arange(len(frame)) % every == 0
+    fast = frame.speed_mps.to_numpy() > 3.0
+    assert known[first & fast].all()
+    assert not known[~first].any()
+    assert np.isfinite(fixes.sigma_speed).all()
+    assert ((fixes.flags & HELD_COURSE) > 0).tolist() == (~first).tolist()
+    assert note.startswith("courses of ")
+
+
+def test_a_vehicle_that_stands_keeps_its_speed_of_0_but_for_the_last():
+    frame = held(driven(), "speed_mps", 5)
+    fixes, _ = read(frame)
+    standing = (frame.time > T0 + 205.0) & (frame.time < T0 + 234.5)  # driving is told then
+    known = np.isfinite(fixes.sigma_speed[standing])
+    assert known.tolist() == [True] * 25 + [False] * 4
+
+
+@pytest.mark.parametrize("every", [0.1, 1.0])
+def test_speeds_and_courses_in_whole_units_are_not_held(every):
+    frame = driven(2000, every)
+    frame["speed_kmh"] = (3.6 * frame.pop("speed_mps")).rolling(5, 1).mean().round()
+    frame["bearing_deg"] = frame.bearing_deg.rolling(9, 1).median().round()
+    fixes, notes = read(frame)
+    assert not fixes.flags.any()
+    assert not notes
+
+
+def test_speeds_of_0_while_driving_are_none_and_counted():
+    frame = driven()
+    zero = np.random.default_rng(3).random(len(frame)) < 0.5
+    fixes, (note,) = read(frame.assign(speed_mps=np.where(zero, 0.0, frame.speed_mps)))
+    unknown = np.isinf(fixes.sigma_speed)
+    assert unknown[zero].all()
+    assert unknown.tolist() == ((fixes.flags & ZERO_SPEED) > 0).tolist()
+    assert np.isinf(fixes.sigma_bearing_deg[unknown]).all()
+    assert note.startswith(f"speeds of 0 in {unknown.sum()} of 400 rows are not used")
+
+
+def pulled(pace: float, sigma: float) -> pd.DataFrame:
+    """A vehicle that stands for half a minute while its fixes go away and come back."""
+    frame = driven(sigma=sigma)
+    away = np.interp(frame.time - T0, [200.0, 216.0, 232.0], [0.0, 16.0 * pace, 0.0])
+    return frame.assign(lat=frame.lat + away / 111_195.0)
+
+
+@pytest.mark.parametrize("frame", [pulled(10.0, 1.0), pulled(0.0, 30.0), pulled(2.0, 10.0)])
+def test_speeds_of_0_are_believed_where_only_fixes_move(frame):
+    fixes, notes = read(frame)
+    assert not fixes.flags.any()
+    assert not notes
+    zero = frame.speed_mps.to_numpy() == 0.0
+    assert np.isfinite(fixes.sigma_speed[zero]).all()
+
+
+def test_a_few_zeros_are_left_to_the_filter():
+    frame = driven()
+    frame.loc[[5, 100], "speed_mps"] = 0.0
+    fixes, notes = read(frame)
+    assert not fixes.flags.any()
+    assert not notes

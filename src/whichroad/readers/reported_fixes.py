@@ -30,6 +30,7 @@ from .checks import Bools, Ints, Skipped, in_order, keep
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
 from .interpolated_places import interpolated
 from .rounded_places import rounding
+from .unmeasured import unmeasured
 
 # A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
 # two digits moves the ratio by up to a quarter.
@@ -157,8 +158,16 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
     made = interpolated(r.time, r.lat_deg, r.lon_deg, first)
     if made is not None:
         flags |= np.where(made, INTERPOLATED, 0).astype(np.uint16)
+    wrong = unmeasured(r.time, r.lat_deg, r.lon_deg, speed, course, first)
+    if wrong is not None:
+        flags |= wrong.flags
+        speed = wrong.pace
+        course = None if course is None else np.where(wrong.no_course, np.nan, course)
     speed, sigma_speed = _or_unknown(speed, r.sigma_speed, len(r.time))
     bearing, sigma_bearing = _course(course, speed, sigma_speed)
+    if wrong is not None:
+        speed = np.where(wrong.no_speed, 0.0, speed)
+        sigma_speed = np.where(wrong.no_speed, np.inf, sigma_speed)
     return Fixes(
         time=r.time,
         lat_deg=lat,

@@ -2,13 +2,19 @@
 
 import numpy as np
 
-from ..observations import INTERPOLATED, Fixes
+from ..observations import HELD_COURSE, HELD_SPEED, INTERPOLATED, ZERO_SPEED, Fixes
 from ..wording import counted
 
-RESAMPLED = INTERPOLATED
+RESAMPLED = INTERPOLATED | HELD_SPEED | HELD_COURSE | ZERO_SPEED
 _NOTES = {
     INTERPOLATED: "places of {} of {} lie on the lines between others, so they were interpolated; "
     "they are not used: give the fixes as they were measured",
+    HELD_SPEED: "speeds of {} of {} repeat the row before while the vehicle drives, and are not "
+    "used; give each speed where it was measured, and leave the rows between empty",
+    HELD_COURSE: "courses of {} of {} repeat the row before while the vehicle drives, and are not "
+    "used; give each course where it was measured, and leave the rows between empty",
+    ZERO_SPEED: "speeds of 0 in {} of {} are not used: the vehicle drove at many of them; leave "
+    "speeds empty that are not known",
 }
 
 
