@@ -187,14 +187,7 @@ def lined(every: int, n: int = 100) -> Fixes:
     return dataclasses.replace(fixes, flags=flags)
 
 
-@pytest.mark.parametrize("every", [10, 15])
-def test_places_that_were_interpolated_are_no_fixes(every):
-    alone = timeline(fixes=lined(every))
-    assert alone.epochs.has_fix.tolist() == [int(k % every == 0) for k in range(100)]
-    assert not alone.epochs.filled.any()
-
-
-def test_where_fixes_are_far_apart_belief_waits_at_places_between():
+def test_belief_waits_at_places_that_were_interpolated():
     alone = timeline(fixes=lined(20))
     assert alone.epochs.filled.tolist() == [int(k % 20 > 0) for k in range(100)]
     assert alone.interval == 20.0

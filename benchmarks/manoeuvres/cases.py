@@ -21,6 +21,7 @@ _SETTLED = 3.0  # s, after which a wrong stamp has no excuse
 _PLAIN = ("wheels", "odometer")
 _MOVED = ("wheels", "yaw", "odometer")
 _THREE = (*_PLAIN, "odometer and Doppler")
+_ALONE = ("Doppler", "fixes")
 _NO_TURNS = ("odometer", "odometer and Doppler", "Doppler", "fixes")
 
 Clock = Callable[[list[Heard], float], list[Heard]]  # of readings and the moment it goes wrong
@@ -166,6 +167,7 @@ SCENES: dict[str, list[Case]] = {
     "fine": [
         *(Case(f"{s:g} m", scenes.town, _NO_TURNS, of_sigma(s)) for s in (0.3, 0.02)),
         Case("0.02 m, 5 Hz", scenes.town, _NO_TURNS, of_sigma(0.02, 0.2)),
+        *(Case(f"{s:g} m, 10 Hz", scenes.town, _ALONE, of_sigma(s, 0.1)) for s in (0.02, 0.08)),
         *(
             Case(f"0.3 m, {draw.__name__}", draw, _NO_TURNS, of_sigma(0.3))
             for draw in (scenes.yard, scenes.u_turn, scenes.side_street, scenes.gaps)

@@ -7,7 +7,6 @@ and differenced between epochs, so a fix between two wheel readings splits the a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,10 +176,8 @@ def build_timeline(
         epochs.speed[at], epochs.speed_sigma[at] = fixes.speed[keep], fixes.sigma_speed[keep]
         epochs.course[at], epochs.course_sigma[at] = heading[keep], sigma[keep]
         if motion is None:
-            filled = np.zeros(len(fixes), np.uint8)
-            filled[keep] = filled_gaps(time[at], fix[keep, :2], fix[keep, 2], [0])
-            filled, has_fix = _taken(fixes, [0], filled)
-            epochs.filled[at], epochs.has_fix[at] = filled[keep], has_fix[keep]
+            gaps = filled_gaps(time[at], fix[keep, :2], fix[keep, 2], [0])
+            epochs.filled[at] = gaps | _made(fixes)[keep]
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
     takeover = None if motion is None else motion.takeover
     tick = motion.tick if motion is not None and mode == WHEELS else 0.0
@@ -193,29 +190,6 @@ def build_timeline(
 def _made(fixes: Fixes) -> NDArray[np.bool_]:
     """Which fixes are none, as their places were interpolated, (n,)."""
     return np.asarray((fixes.flags & INTERPOLATED) > 0)
-
-
-def _taken(
-    fixes: Fixes, first: Sequence[int], filled: NDArray[np.uint8]
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Which epochs of fixes alone wait for the next one, and which have a fix, (n,) each.
-
-    Between fixes that are far apart the route is found as a whole, so that belief waits at places
-    that were interpolated.  Else it goes on without them.
-    """
-    has_fix = np.ones(len(fixes), np.uint8)
-    made = _made(fixes)
-    if not made.any():
-        return filled, has_fix
-    filled = filled.copy()
-    for low, high in pairwise([*first, len(fixes)]):
-        own = made[low:high]
-        apart = np.diff(fixes.time[low:high][~own])
-        if own.any() and np.median(apart) > SPARSE:
-            filled[low:high] |= own
-        else:
-            has_fix[low:high] &= ~own
-    return filled, has_fix
 
 
 def is_interpolated(epochs: Records) -> bool:
@@ -310,8 +284,8 @@ def epochs_of_fixes(
     epochs.time, epochs.has_fix = fixes.time, 1
     epochs.speed, epochs.speed_sigma = fixes.speed, fixes.sigma_speed
     epochs.fix, epochs.course, epochs.course_sigma = fix_rows(fixes, plane)
-    epochs.filled = filled_gaps(epochs.time, epochs.fix[:, :2], epochs.fix[:, 2], first)
-    epochs.filled, epochs.has_fix = _taken(fixes, first, epochs.filled)
+    gaps = filled_gaps(epochs.time, epochs.fix[:, :2], epochs.fix[:, 2], first)
+    epochs.filled = gaps | _made(fixes)
     return epochs, np.logical_and.reduceat(apart, first) if len(first) else apart[:0]
 
 

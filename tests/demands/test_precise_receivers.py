@@ -64,3 +64,39 @@ def test_corners_and_gaps_are_not_the_receiver_s_error(draw, suite: str):
     assert found.wrong == 0
     assert found.pose.exceeded <= 0.01 * found.pose.epochs
     assert found.pose.level < 3.0
+
+
+@pytest.mark.parametrize(
+    ("suite", "sigma", "seed"),
+    [
+        ("fixes", 0.02, 1003),
+        ("fixes", 0.08, 1001),
+        ("Doppler", 0.02, 1004),
+        ("Doppler", 0.08, 1003),
+    ],
+)  # fmt: skip
+def test_ten_fine_fixes_a_second_are_followed_and_not_the_line_of_a_road(
+    suite: str, sigma: float, seed: int
+):
+    case = Case(f"{sigma} m", scenes.town, (suite,), of_sigma(sigma, 0.1))
+    found = one("fine", case, suite, seed, How())
+    assert found.declared > 2000
+    assert found.wrong <= 1
+    assert found.pose.exceeded <= 1
+
+
+@pytest.mark.parametrize("begin", [20.0, 20.3])
+def test_a_stop_is_where_a_fine_receiver_says(begin: float):
+    """It rolls on for some decimetres after it seems to stand."""
+    time = np.arange(0.0, 60.0, 1.0)
+    fine = np.arange(0.0, 60.0, 0.01)
+    speed = np.interp(fine, [begin, begin + 5.0, begin + 9.0], [6.0, 0.5, 0.0])
+    x = np.interp(time, fine, -200.0 + np.cumsum(speed * 0.01))
+    said = np.abs(np.interp(time, fine, speed) + np.random.default_rng(4).normal(0.0, 0.1, 60))
+    places = zip(*noisy(x, 0.0 * x, 0.02), strict=True)
+    fixes = [
+        GeoFix.with_sigma(t, b * M, a * M, 0.02, speed=v)
+        for t, v, (a, b) in zip(1.7e9 + time, said, places, strict=True)
+    ]
+    points = match(fixes, road_map(STREET)).points
+    assert off(points, x, 0.0 * x)[time > begin + 10.0].max() < 0.25

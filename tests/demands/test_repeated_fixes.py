@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from demands.test_trackers import M, road_map
 from demands.town import corners, fixes, roads
 from whichroad import Localizer, match, match_many
 from whichroad.observations import GeoFix
@@ -95,3 +96,19 @@ def test_places_in_a_gap_that_was_filled_are_on_the_path_between(lag):
     many = match_many(pa.table(trips), roads(), lag=lag)
     assert many.points["lat"].to_pylist() == points.lat.tolist()
     assert "gnss: repeated" in " ".join(many.drives["notes"].to_pylist()[0])
+
+
+def test_who_stood_on_a_long_edge_before_a_gap_is_not_taken_back_by_it():
+    """An edge is not driven evenly from its begin to its end."""
+    x = np.concatenate([np.full(60, -250.0), -250.0 + 10.0 * np.arange(1, 61)])
+    seen = x.copy()
+    seen[75:95] = x[74]
+    table = {
+        "time": np.arange(len(x)), "lat": np.zeros(len(x)), "lon": seen * M,
+        "sigma_m": np.full(len(x), 2.0),
+    }  # fmt: skip
+    points = match(table, road_map({"street": [(-300.0, 0.0), (900.0, 0.0)]}), lag="full").points
+    assert (points.status[76:94] == "outage").all()
+    error = np.abs(points.lon / M - x)[75:95]
+    assert error.max() < 30.0
+    assert (error < points.protection_level_m[75:95]).all()

@@ -5,8 +5,7 @@ hypothesis, in this order:
 
     X, Y     position of M, the middle of the rear axle, plane coordinates (paper, X_k)
     H        heading, rad, counter-clockwise from the plane's east (the paper's θ)
-    K        metres per odometer metre; without odometry the "odometer" counts seconds
-             and K is the speed in m/s
+    K        metres per odometer metre; without odometry m/s, whose "odometer" counts seconds
     B        heading drift per odometer metre, rad/m
     D        offset from the road's centre line in the map's frame, m, right positive
     MX, MY   map-minus-world offset, m
@@ -132,6 +131,7 @@ FILTER = np.dtype(
         ("odometer_speed", "f8"),  # m/s by the odometer, low-pass filtered
         ("odometer_acceleration", "f8"),  # m/s²
         ("since_map", "f8"),  # m driven since the map was observed
+        ("dragged", "f8", (2,)),  # by fixes since then, m, as no speed tells
         ("since_exit", "f8"),  # m driven since the off-road exchange
         ("since_fix", "f8"),  # m driven since the last fix
         ("unmeasured", "f8"),  # m extrapolated since the last fix or measured odometry

@@ -343,7 +343,7 @@ def _observe_map(belief: Belief, history: History, ctx: Context) -> None:
     history.since[0].map_aged += state.since_map
     observe_map(belief, ctx, state.knows_heading == 1)
     learn_map(belief, ctx)
-    state.since_map = 0.0
+    state.since_map = state.dragged[0] = state.dragged[1] = 0.0
     state.changed = 1
 
 

@@ -18,7 +18,8 @@ MOST = 0.5  # of the moving rows, from which on they are made up
 _KINKS = 5  # rows off the lines, and tolerances by which they are,
 _OFF = 5.0  # so that a smooth drive is none
 _BENDS = 0.03  # m/s², below which no drive follows a chord by itself
-_PACES = 3.0  # tolerances by which steps from row to row differ from line to line
+_PACES = 3.0  # tolerances by which steps from row to row differ from line to line,
+_EVEN = 0.02  # and share of them: a sphere differs from the ellipsoid by less
 
 
 def interpolated(time: Array, lat: Array, lon: Array, first: Ints) -> Bools | None:
@@ -123,6 +124,7 @@ def _changes_pace(time: Array, lat: Array, lon: Array, made: Bools, tolerance: f
     step = np.diff(time)[begin]
     speed = np.hypot(*metres(lat, lon, begin, begin + 1)) / step
     least = _PACES * tolerance * METRES_PER_DEGREE / float(np.median(step))
+    least = max(least, _EVEN * float(np.median(speed)))
     return bool(np.median(np.abs(np.diff(speed))) > least)
 
 

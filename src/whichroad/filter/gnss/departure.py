@@ -2,7 +2,7 @@
 
 Counters that stand still while the vehicle drives off look like a stop.  Until fixes and odometer
 have been compared for long enough, the level covers the place of the fixes, too, and how far the
-vehicle has come since the last one.  Where nothing but positions and a distance is measured, who
+vehicle has come since the last one.  Where positions are measured, and at most a distance, who
 turns round or into a street that the map lacks is followed along the road that was left.  The same
 holds there.
 """
@@ -10,7 +10,7 @@ holds there.
 import math
 
 from ..._compile import Record, Vector, kernel
-from ..state import DISTANCE, Belief, X, Y, heaviest
+from ..state import CLOCK, WHEELS, Belief, X, Y, heaviest
 from ..vetting.motion_sources import SPEED
 from .position import NU0, NU1, Axes
 from .separation import cover_place
@@ -26,6 +26,7 @@ _SOFT = 1.5  # times: squared distances over their variances
 _RECENT = 5.0  # s, the age of a fix up to which it is covered
 _FASTEST = 30.0  # m/s
 _USUAL = 15.0  # s over which the error of a receiver is taken that the vehicle has not left
+_SLIGHT = 0.02  # P that a vehicle whose motion nothing measures has left its road, that is nothing
 _MOVES = -math.inf  # in place of when it came to rest
 
 
@@ -66,7 +67,7 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
     """
     state = belief.state[0]
     left = state.separation.departure
-    if state.standing <= 0.0:
+    if state.standing <= 0.0 or state.mode == CLOCK:
         if is_followed_blindly(state, epoch):
             _note_stray(belief, epoch, axes)
         return
@@ -102,16 +103,17 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
 
 @kernel
 def is_followed_blindly(state: Record, epoch: Record) -> bool:
-    """Whether a distance and positions are all that is measured of a vehicle."""
+    """Whether positions, and at most a distance, are all that is measured of a vehicle."""
     silent = epoch.speed_sigma == math.inf and epoch.course_sigma == math.inf
-    return bool(state.mode == DISTANCE and silent)
+    return bool(state.mode != WHEELS and silent)
 
 
 @kernel
 def _note_stray(belief: Belief, epoch: Record, axes: Axes) -> None:
     """Where a fix of a moving vehicle is, and P(the vehicle is there), as where it stands.
 
-    The receiver's error is what fixes differ from the belief by, on average over 15 s.
+    The receiver's error is what fixes differ from the belief by, on average over 15 s.  Without an
+    odometer, a fix farther from the one before than a vehicle drives is wrong, and is left out.
     """
     state = belief.state[0]
     left = state.separation.departure
@@ -127,9 +129,16 @@ def _note_stray(belief: Belief, epoch: Record, axes: Axes) -> None:
     keep = math.exp(-since / _USUAL)
     if left.since != _MOVES or since > _USUAL:
         keep = 0.0
+    if state.mode == CLOCK and keep > 0.0:
+        moved = math.hypot(
+            fix[0] - left.offset[0] - left.at[0], fix[1] - left.offset[1] - left.at[1]
+        )
+        if moved > state.scale * (_FASTEST * since + 3.0 * math.sqrt(left.variance)):  # it errs
+            left.p = 0.0
+            return
     left.since = _MOVES
     left.time = epoch.time
-    left.pace = abs(state.odometer_speed)
+    left.pace = abs(state.speed if state.mode == CLOCK else state.odometer_speed)
     left.offset[0] = ex + keep * (left.offset[0] - ex)
     left.offset[1] = ey + keep * (left.offset[1] - ey)
     left.at[0] = fix[0] - left.offset[0]
@@ -146,9 +155,9 @@ def _note_stray(belief: Belief, epoch: Record, axes: Axes) -> None:
 def p_strayed(state: Record) -> float:
     """P(the vehicle has left what it is thought to drive on, though nothing measures turns)."""
     left = state.separation.departure
-    if state.mode != DISTANCE or left.since != _MOVES or state.time - left.time > _RECENT:
+    if state.mode == WHEELS or left.since != _MOVES or state.time - left.time > _RECENT:
         return 0.0
-    return float(left.p)
+    return float(left.p) if state.mode != CLOCK or left.p > _SLIGHT else 0.0
 
 
 @kernel

@@ -22,6 +22,7 @@ from ..state import (
     GX,
     GY,
     OFF_ROAD,
+    WHEELS,
     WRONG,
     Belief,
     Context,
@@ -34,7 +35,7 @@ from ..state import (
     most_probable,
     move_row,
 )
-from .bias import free_bias
+from .bias import free_bias, is_fine, stray
 
 _WRONG_VARIANCE = 1e4  # m², of the error of a fix that is wrong,
 _LOG_WRONG = -3.9  # and the logarithm of how often it is
@@ -171,7 +172,7 @@ def observe_position(
     A fix that no hypothesis of weight explains within the gate is given the variance that
     makes it fit the best one, alike for all.  Where wheels and a recent fix confirm
     the motion, the receiver has jumped, and the variance is added to its bias; else
-    to the fix.
+    to the fix.  Beside a fine receiver without wheels it is the place that is wrong.
 
     Args:
         belief: In place; weights are to be normalised afterwards.
@@ -239,8 +240,12 @@ def observe_given(
     if jumps and best > gate:
         root = state.bias_root
         more = (extra0 + extra1) / (root[0] ** 2 + 2.0 * root[1] ** 2 + root[2] ** 2)
+        strays = state.mode != WHEELS and is_fine(state)
         for i in range(state.count):
-            free_bias(belief.hyp[i], more)
+            if strays:
+                stray(belief.hyp[i], 0.5 * (extra0 + extra1))
+            else:
+                free_bias(belief.hyp[i], more)
         innovations(belief, ctx, fix, axes)
         extra0 = 0.0
         extra1 = 0.0

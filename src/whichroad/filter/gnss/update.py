@@ -6,6 +6,7 @@ from ..._compile import Record, Vector, kernel
 from ..hypotheses.births import Start, cold_start
 from ..state import (
     CLOCK,
+    DISTANCE,
     NOTHING,
     WHEELS,
     Belief,
@@ -19,9 +20,10 @@ from ..state import (
     most_probable,
     normalise,
 )
-from .bias import age_receiver
+from .bias import age_receiver, is_fine
 from .departure import drives, is_followed_blindly, note_departure, p_strayed
 from .diverging_track import follow_track, has_diverged, may_have_turned
+from .dragged import add_places, count_dragged
 from .frequent_fixes import second_misfits
 from .gross_error import heed_gross_error, takes_back
 from .inflation import (
@@ -62,6 +64,8 @@ _REACH, _FASTEST = 1000.0, 100.0  # m, m/s: farther from the estimate no fix can
 _JUMPED = 60.0  # s after a jump of the receiver, for which it is what is wrong
 _FORGOTTEN = 30.0  # s without a misfit, after which the next one is a new event
 _SIDES = 1.6  # times the gate: one sound fix in a thousand
+_FREQUENT = 4.0  # s between fixes, up to which a vehicle is followed along its road
+_ROLLS, _ROLLED = 3.0, 6.0  # s for which who stops may roll on; chi-square that shows it
 _BEGAN_SHARE = 0.5  # P(the belief was wrong) soon after the start
 _MOVED_SHARE = 0.1  # P(the motion was wrong) where the receiver has not visibly jumped
 _BACK_SHARE = 0.9  # and where it takes back a jump that was believed
@@ -103,9 +107,10 @@ def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
         return False
     white = math.sqrt(state.gnss_factor) * par.gnss_white_ratio
     axes = _axes(fix, white, 1.0)
-    if state.mode == WHEELS and (state.vetting.runs == 1 or drives(epoch)):
+    rolls = state.mode == CLOCK and is_fine(state) and state.standing < _ROLLS
+    if rolls or (state.mode == WHEELS and (state.vetting.runs == 1 or drives(epoch))):
         innovations(belief, ctx, fix, axes)
-        if misfit(belief, axes) > _SIDES * par.gnss_gate:
+        if misfit(belief, axes) > (_ROLLED if rolls else _SIDES * par.gnss_gate):
             return False
     update_root(belief, fix, state.gnss_factor, max(epoch.time - state.last_fix, 0.0))
     innovations(belief, ctx, fix, axes)
@@ -241,7 +246,8 @@ def _search(
         share = _UNTRIED_SHARE
     if state.mode == WHEELS and has_diverged(belief):
         share = _TURNS_SHARE
-    strayed = p_strayed(state) if is_followed_blindly(state, epoch) else 0.0
+    blind = state.mode == DISTANCE and is_followed_blindly(state, epoch)
+    strayed = p_strayed(state) if blind else 0.0
     if strayed > _STRAYED and epoch.time > state.restarted_at + _TRIED:
         share = max(share, min(strayed, _MOST_STRAYED))
     if is_alone(state, par, epoch) and is_unlikely(belief, epoch.time):
@@ -285,10 +291,11 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     state = belief.state[0]
     known = state.learnt_time > _YOUNG
     if known and state.mode != WHEELS:
-        alone = may_reflect(state, par, epoch)
-        if jump_or_stray(belief, axes, since, alone, par.gnss_gate):
+        reflects = may_reflect(state, par, epoch)
+        if jump_or_stray(belief, axes, since, reflects, par.gnss_gate):
             innovations(belief, ctx, epoch.fix, axes)
-    jumps = is_vouched(state, epoch) and since < _RECENT and known
+    alone = state.mode == CLOCK and is_fine(state) and epoch.speed_sigma < _DOPPLER
+    jumps = since < _RECENT and (alone or (is_vouched(state, epoch) and known))
     if jumps and second_misfits(belief, axes, par.gnss_gate, since):
         innovations(belief, ctx, epoch.fix, axes)
     odds = odds_of_sides(belief)
@@ -298,6 +305,20 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     chi2 = observe_given(belief, ctx, epoch.fix, axes, par.gnss_gate, jumps, least)
     if both:
         even_out(belief, odds, min(max(since, 0.0), _RECENT))
+    return chi2
+
+
+@kernel(inline=True)
+def _follow_fix(
+    belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: float, measured: bool
+) -> float:
+    """Condition on the position; where no motion is measured, count how far that moves it."""
+    if measured:
+        return _weigh_fix(belief, ctx, epoch, axes, since)
+    add_places(belief, -1.0)
+    chi2 = _weigh_fix(belief, ctx, epoch, axes, since)
+    add_places(belief, 1.0)
+    count_dragged(belief)
     return chi2
 
 
@@ -344,14 +365,14 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     axes = _axes(fix, white, thin)
     innovations(belief, ctx, fix, axes)
     in_reach = _is_in_reach(belief, epoch, since)
-    if state.mode != CLOCK and in_reach:
+    if (state.mode != CLOCK or since < _FREQUENT) and in_reach:
         note_departure(belief, epoch, axes)
     doubted = _learn(belief, ctx, epoch, white)
     _count_anew(state, epoch)
     follow_track(belief, since)
     _settle(belief, ctx, epoch, axes, doubted, since)
     state.fix_interval += LATEST * (since - state.fix_interval)
-    chi2 = _weigh_fix(belief, ctx, epoch, axes, since)
+    chi2 = _follow_fix(belief, ctx, epoch, axes, since, measured)
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0 and in_reach:
         _search(belief, path, ctx, epoch, white, far)

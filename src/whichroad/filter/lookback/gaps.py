@@ -1,8 +1,8 @@
 """Where a vehicle was while its fixes only repeated a place: on the path between others.
 
-Such epochs were passed over, and their estimates stand where the last fix was.  The path says when
-its edges were driven.  The vehicle may have gone faster and slower, or have stood: of the way
-between the fixes, a share f of which is driven at an even speed at the time t,
+Such epochs were passed over, and their estimates stand where the last fix was.  The path says which
+way was driven.  The vehicle may have gone faster and slower, or have stood: of the way between the
+estimates at both fixes, a share f of which is driven at an even speed at the time t,
 
     σ = 0.4 way √(f (1 − f))
 """
@@ -79,23 +79,37 @@ def _far(driven: Traversals, row: int, time: float) -> float:
 
 
 @kernel
+def _seen(driven: Traversals, row: int, time: float, estimate: Record) -> float:
+    """How far along the edge of a row a vehicle is at a fix, from where it entered, m."""
+    own = driven[row]
+    if estimate.edge == own.edge:
+        return float(min(max(estimate.s - own.enter_m, 0.0), own.exit_m - own.enter_m))
+    return _far(driven, row, time)
+
+
+@kernel
 def _place(
     roads: Roads, driven: Traversals, epochs: Epochs, estimates: Estimates,
     gap: tuple[int, int], rows: tuple[int, int],
 ) -> None:  # fmt: skip
     """Put the estimates of one gap on the rows of the path between the fixes around."""
     before, after = epochs[gap[0] - 1], epochs[gap[1]]
-    start = _far(driven, rows[0], before.time)
-    way = _far(driven, rows[1], after.time) - start
+    start = _seen(driven, rows[0], before.time, estimates[gap[0] - 1])
+    way = _seen(driven, rows[1], after.time, estimates[gap[1]]) - start
     for i in range(rows[0], rows[1]):
         way += driven[i].exit_m - driven[i].enter_m
+    way = max(way, 0.0)
     level = max(estimates[gap[0] - 1].protection_level, estimates[gap[1]].protection_level)
     row = rows[0]
+    begin = 0.0
     for k in range(gap[0], gap[1]):
-        row = _row_at(driven, row, epochs[k].time)
         share = (epochs[k].time - before.time) / (after.time - before.time)
+        far = start + share * way
+        while row < rows[1] and far - begin > driven[row].exit_m - driven[row].enter_m:
+            begin += driven[row].exit_m - driven[row].enter_m
+            row += 1
         sigma = max(_UNEVEN * way * math.sqrt(share * (1.0 - share)), _LEAST)
-        s = driven[row].enter_m + _far(driven, row, epochs[k].time)
+        s = driven[row].enter_m + far - begin
         out = estimates[k]
         _move(roads, out, estimates[gap[0] - 1], driven[row].edge, s, sigma)
         length = roads.edges[driven[row].edge].length

@@ -2,11 +2,22 @@
 
 from ..._compile import Record, kernel
 from ...graph.geometry import locate, project
+from ...graph.network import Roads
 from ..road import track
 from ..state import MX, MY, Belief, Context, X, Y
 
 _ALONE = 0.999  # P of an edge beside which the others do not matter
 _ABOUT = 3.0  # sigmas, both added, up to which hypotheses are about the same place
+
+
+@kernel(inline=True)
+def _put(roads: Roads, out: Record, hyp: Record, s: float, lateral: float) -> None:
+    """The estimate's place on the edge of a hypothesis."""
+    _, x, y, _, _ = locate(roads, hyp.edge, hyp.segment, s)
+    out.match_x = x
+    out.match_y = y
+    out.s = s
+    out.lateral = lateral
 
 
 @kernel(inline=True)
@@ -20,17 +31,12 @@ def match_pose(belief: Belief, ctx: Context, out: Record, best: int, p_edge: flo
     scale = belief.state[0].scale
     hyp = belief.hyp[best]
     track(belief, roads, best)
-    s, lateral, tx, ty = hyp.along, hyp.lateral, hyp.tangent[0], hyp.tangent[1]
+    s, lateral = hyp.along, hyp.lateral
     length = roads.edges[hyp.edge].length
     x = hyp.mu[X] + scale * hyp.mu[MX]
     y = hyp.mu[Y] + scale * hyp.mu[MY]
     if p_edge > _ALONE:
-        across = lateral * scale
-        inside = min(max(s, 0.0), length)
-        out.match_x = x - across * ty + (inside - s) * scale * tx
-        out.match_y = y + across * tx + (inside - s) * scale * ty
-        out.s = inside
-        out.lateral = lateral
+        _put(roads, out, hyp, min(max(s, 0.0), length), lateral)
         return
     total = 0.0
     dx = 0.0
@@ -47,10 +53,5 @@ def match_pose(belief: Belief, ctx: Context, out: Record, best: int, p_edge: flo
             total += other.weight
             dx += other.weight * ax
             dy += other.weight * ay
-    segment, s, _, _, _ = project(roads, hyp.edge, hyp.segment, x + dx / total, y + dy / total)
-    inside = min(max(s, 0.0), length)
-    _, px, py, _, _ = locate(roads, hyp.edge, segment, inside)
-    out.match_x = px
-    out.match_y = py
-    out.s = inside
-    out.lateral = lateral
+    _, s, _, _, _ = project(roads, hyp.edge, hyp.segment, x + dx / total, y + dy / total)
+    _put(roads, out, hyp, min(max(s, 0.0), length), lateral)
