@@ -1,6 +1,8 @@
 """What arrives in pieces says the same as the whole log, and says it at once."""
 
+import asyncio
 import math
+import time
 from collections import Counter
 from dataclasses import astuple
 
@@ -8,9 +10,12 @@ import can
 import numpy as np
 import pytest
 
-from whichroad import GeoFix, Vehicle, WheelTicks, YawRate, read_drive, read_vehicle
+from whichroad import GeoFix, Localizer, Vehicle, WheelTicks, YawRate, read_drive, read_vehicle
 from whichroad.live.decode import CanStream, NmeaStream
+from whichroad.live.filter_loop import FilterLoop
 from whichroad.live.playback import RecordedObservations
+from whichroad.live.sources import NmeaInput
+from whichroad.live.vehicle_run import Fitted, VehicleRun
 from whichroad.readers.can_frames import key, read_frames
 from whichroad.readers.nmea import NmeaParser
 from whichroad.simulate.drive_files import nmea_text, write_drive
@@ -91,6 +96,47 @@ def test_a_receiver_that_changes_its_burst_is_learnt_anew(log):
     fixes += stream.flush()
     assert len(fixes) == 60
     assert all(math.isfinite(fix.sigma_speed) for fix in fixes[40:])
+
+
+def test_a_stream_out_of_order_gives_the_answer_of_the_sorted_one(town, ride, log):
+    rng, some = np.random.default_rng(3), bursts(log)[:60]
+    order = np.argsort(np.arange(60) + rng.uniform(0.0, 3.0, 60))
+    said = []
+    for chosen in (range(60), order):
+        loop, stream = FilterLoop(Localizer(town, vehicle=ride.vehicle), window=4.0), NmeaStream()
+        for k in (0, *(k for k in chosen if k)):
+            loop.observe(stream.feed(some[k]) + stream.flush())
+        assert stream.skipped == 0
+        assert loop.health()["skipped"] == {}
+        said.append(loop.localizer.estimate())
+    assert said[0].time == said[1].time
+    assert np.array_equal(said[0].cov, said[1].cov)
+    assert (said[0].pose, said[0].edge) == (said[1].pose, said[1].edge)
+
+
+def test_what_a_decoder_drops_is_told_by_health_with_its_reason(town, log):
+    loop, stream = FilterLoop(Localizer(town), window=1.0), NmeaStream()
+    sensor, some = loop.sensor("port", "gnss"), bursts(log)[:20]
+
+    async def run():
+        into = NmeaInput(sensor, stream, loop.take)
+        for k in (*range(15), 9, 14, 0):
+            into.feed(some[k])
+            into.end()
+
+    asyncio.run(run())
+    assert sensor.skipped_why == {"repeated time": 3}
+    assert loop.health()["skipped"] == {"repeated time": 3}
+
+
+def test_with_times_of_arrival_a_fix_that_comes_late_is_not_taken_for_a_new_one(town, log):
+    run = VehicleRun(Fitted(Localizer(town)), window=1.0, rate=10.0)
+    stream, health = NmeaStream(), run.filter_loop.sensor("port", "gnss")
+    for burst in (*(bursts(log)[k] for k in (0, 1, 3, 2, 4)), *bursts(log)[100:101]):
+        fixes = stream.feed(burst) + stream.flush()
+        run._on_arrival(health, fixes, time.perf_counter())
+    assert health.count == 5
+    assert run.filter_loop.health()["skipped"] == {"time running backwards": 1}
 
 
 def test_a_clock_offset_moves_the_fixes(log):

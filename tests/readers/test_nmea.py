@@ -382,7 +382,59 @@ def test_a_burst_that_does_not_end_takes_no_more_memory(nmea):
     parser = NmeaParser()
     fixes = [fix for _ in range(100) for fix in parser.feed(100 * nmea.burst(knots=None))]
     assert len(fixes) == 1
-    assert sum(map(len, parser._waiting)) <= 1000
+    assert len(parser._bursts) <= 1000
+
+
+def epochs(nmea, n, every=0.2):
+    """Bursts of a receiver at some Hz, each as its sentences."""
+    clocks = [f"1200{k * every:05.2f}" for k in range(n)]
+    return [nmea.burst(clock=clock).splitlines(keepends=True) for clock in clocks]
+
+
+def test_bursts_that_come_late_come_out_late_and_none_is_lost(nmea, read):
+    rng, bursts = np.random.default_rng(3), [b"".join(one) for one in epochs(nmea, 200)]
+    order = np.argsort(np.arange(200) * 0.2 + rng.uniform(0.05, 0.6, 200))
+    parser = NmeaParser()
+    fixes = [fix for k in order for fix in parser.feed(bursts[k])] + parser.flush()
+    expected = as_records(read(b"".join(bursts)).fixes)
+    assert fixes == [expected[k] for k in order]
+    assert not parser.skipped
+
+
+def test_a_burst_that_comes_twice_gives_one_fix_and_is_counted(nmea):
+    bursts = [b"".join(one) for one in epochs(nmea, 60)]
+    parser = NmeaParser()
+    fixes = [fix for k in range(60) for j in (k, k - 3) for fix in parser.feed(bursts[max(j, 0)])]
+    fixes += parser.flush()
+    assert len({fix.time for fix in fixes}) == len(fixes) == 60
+    assert parser.skipped == {"repeated time": 60}
+    assert all(fix.cov_ee == pytest.approx(fixes[0].cov_ee) for fix in fixes)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("pauses", [False, True])
+def test_sentences_of_different_epochs_that_come_mixed_are_joined(nmea, read, seed, pauses):
+    rng, bursts = np.random.default_rng(seed), epochs(nmea, 200)
+    late = [(0.2 * k + rng.uniform(0.0, 0.4), line) for k in range(200) for line in bursts[k]]
+    parser, fixes = NmeaParser(today=NOON), []
+    for _, line in sorted(late):
+        fixes += parser.feed(line) + (parser.pause() if pauses else [])
+    fixes += parser.flush()
+    expected = {fix.time: fix for fix in as_records(read(b"".join(map(b"".join, bursts))).fixes)}
+    assert len({fix.time for fix in fixes}) == len(fixes) == 200
+    begun = 6 if pauses else 4  # until it is known that sentences come mixed
+    assert sum(fix != expected[fix.time] for fix in fixes) <= begun
+
+
+def test_mixed_sentences_wait_half_a_second_for_one_that_is_lost(nmea):
+    bursts, parser, out = epochs(nmea, 100), NmeaParser(today=NOON), {}
+    for k in range(0, 100, 2):  # two epochs, one sentence after the other; one lost
+        pair = [line for both in zip(*bursts[k : k + 2], strict=True) for line in both]
+        for line in pair[: -1 if k == 60 else None]:
+            out |= {fix.time: k for fix in parser.feed(line)}
+    assert len(out) == 100
+    waited = {round((time - min(out)) / 0.2): k for time, k in out.items()}
+    assert [waited[k] for k in (59, 60, 61, 62)] == [58, 60, 64, 62]
 
 
 def test_a_speed_without_a_sentence_before_it_belongs_to_no_epoch(nmea, read):

@@ -256,6 +256,26 @@ def test_pieces_say_what_the_whole_log_says(read, seed):
         assert astuple(a) == pytest.approx(astuple(b), rel=1e-12)
 
 
+def test_epochs_that_come_late_or_twice_on_line_are_passed_on_or_counted():
+    rng, messages = np.random.default_rng(3), [pvt(k) + cov(k, 2.0, 0.5, 3.0) for k in range(100)]
+    order = np.argsort(np.arange(100) + rng.uniform(0.0, 3.0, 100))
+    parser = UbxParser()
+    fixes = [f for k in order for f in parser.feed(messages[k])[0]] + parser.pause()
+    assert [fix.time - NOON for fix in fixes] == order.tolist()
+    assert all(fix.cov_ee == pytest.approx(2.0) for fix in fixes[1:])
+    assert not parser.skipped
+    assert parser.feed(messages[50])[0] + parser.pause() == []
+    assert parser.skipped == {"repeated time": 1}
+
+
+def test_a_covariance_of_another_epoch_is_not_waited_with():
+    parser = UbxParser()
+    parser.feed(pvt(0) + cov(0, 2.0, 0.5, 3.0))
+    assert parser.feed(pvt(2) + cov(1, 9.0, 0.0, 9.0))[0] == []
+    (fix,) = parser.feed(cov(2, 2.0, 0.5, 3.0))[0]
+    assert fix.cov_ee == pytest.approx(2.0)
+
+
 def test_on_line_the_sentences_beside_ubx_are_passed_over_and_alone_are_read(nmea):
     stream = NmeaStream()
     assert len(stream.feed(nmea.burst("120000.00")) + stream.flush()) == 1

@@ -86,7 +86,7 @@ def live(
     ] = None,
     window: Annotated[
         float,
-        typer.Option(min=0.0, max=10.0, metavar="S", help="Wait this long for late observations."),
+        typer.Option(min=0.0, max=10.0, metavar="S", help="Sort in observations up to this late."),
     ] = 1.0,
     clock: Annotated[
         Clock, typer.Option(help="Use the sensor's times, or the times of arrival.")

@@ -11,6 +11,7 @@ is taken at its own time, and the estimate is predicted to the time that was pub
 import json
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -338,6 +339,9 @@ class FilterLoop:
         sensors = [sensor.message(now) for sensor in self.sensors.values()]
         good = bool(sensors) and all(s["ok"] or s["state"] == "ended" for s in sensors)
         problems = self.troubles.messages()
+        skipped = Counter(self.localizer.skipped) + self.buffer.skipped
+        for one in self.sensors.values():
+            skipped += one.skipped_why
         return {
             "status": "ok" if good and self.answered and not problems else "degraded",
             "problems": problems,
@@ -347,6 +351,6 @@ class FilterLoop:
             "gnss_masked": self.gnss_masked,
             "play": self.play(),
             "latency_ms": self.latency.message(now),
-            "skipped": {**self.localizer.skipped, **self.buffer.skipped},
+            "skipped": dict(skipped),
             "rewinds": self.buffer.rewinds,
         }

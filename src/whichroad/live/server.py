@@ -215,8 +215,6 @@ class Run:
         """What the readers of the inputs and the filters did not take, in a line."""
         counts = Counter[str]()
         for loop in (vehicle.filter_loop for vehicle in self.vehicles):
-            for health in loop.sensors.values():
-                counts += health.skipped_why
             counts += Counter(loop.health()["skipped"])
         if counts:
             self.plan.report(f"skipped: {by_reason(counts)}")

@@ -1,5 +1,6 @@
 """One vehicle of the service: its filter, its inputs and outputs, what is kept of it on disk."""
 
+import math
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ..observations import GeoFix
 from ..online import Localizer
 from ..readers.names import told_of
 from .addresses import Address
@@ -21,6 +23,8 @@ from .recording import Recorder, folder_of, make_folder
 from .sources import READERS, Deliver, NmeaInput, read_can
 from .troubles import Troubles
 
+_DELAYED = 10.0  # s by which a fix may be late; one more behind is of another clock
+_LATE = "time running backwards"
 MOST_ROWS = 20_000  # rows waiting to be recorded, at most
 
 
@@ -73,6 +77,7 @@ class VehicleRun:
             fitted.localizer, window=0.0 if played else window, rate=rate, vehicle=fitted.name,
             troubles=self.troubles,
         )  # fmt: skip
+        self._newest: dict[Any, float] = {}  # own time of the last fix of an input, s
         self._folder = fitted.record
         if fitted.record is not None:
             make_folder(fitted.record)
@@ -154,9 +159,20 @@ class VehicleRun:
     def _on_arrival(self, health: Any, observations: Sequence[Any], arrival: float) -> None:
         """Observations get the time at which they came."""
         when = time.time() - (time.perf_counter() - arrival)
-        for one in observations:
+        # a fix behind the one before would be taken for newer than that
+        newest = self._newest.get(health, -math.inf)
+        kept = [
+            one for one in observations
+            if not isinstance(one, GeoFix) or one.time > newest or one.time < newest - _DELAYED
+        ]  # fmt: skip
+        if len(kept) < len(observations):
+            health.skipped_why[_LATE] += len(observations) - len(kept)
+        for one in kept:
+            if isinstance(one, GeoFix):
+                self._newest[health] = one.time
             object.__setattr__(one, "time", when)  # made a moment ago, nobody else has it
-        self.filter_loop.take(health, observations, arrival)
+        if kept:
+            self.filter_loop.take(health, kept, arrival)
 
     @property
     def full(self) -> bool:

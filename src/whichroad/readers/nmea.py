@@ -5,7 +5,7 @@ epoch, in whatever order a burst has them; VTG has no time and belongs to the se
 before it.  The date comes from RMC or ZDA and is carried over midnight.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +19,7 @@ from ..wording import by_reason
 from .checks import BACKWARDS, REPEATED, Bools, Ints, Skipped, keep
 from .fix_quality import NO_FIX
 from .names import told_of
+from .nmea_bursts import Bursts
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
 from .nmea_told import READ_BY, NmeaTold
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
@@ -26,14 +27,11 @@ from .source import Source
 
 _BLOCK = 1 << 19  # bytes of a log scanned at once
 _LONGEST_LINE = 1 << 12  # bytes without a line break that a stream may hold back
-_LONGEST_BURST = 1000  # sentences with one time that a stream may hold back
+_KEPT = 64  # times of fixes of a stream that are known as having come
 _DAY = 86_400_000  # ms
-_CLOCK_SET = 3600.0  # s, step back of time that means a newly set clock
 _PLACES = ("GGA", "GNS", "RMC")  # sentences with a position
-_SURE = 3  # bursts that must end alike before their end is known
 _NO_FIX = "epoch without a fix"
 _FOREIGN = "stretch of bytes outside NMEA sentences"
-_LATE = "time running backwards"
 _NO_CHECKSUMS = "no checksums in the log: sentences were used as they are"
 
 
@@ -88,7 +86,9 @@ class NmeaParser:
     Feed whatever the receiver sends, in chunks of any size.  A fix comes out when its
     burst has ended.  That is known from the first sentence of the next burst, from
     silence (`pause`), or from the burst's last sentence: a receiver that ended three
-    bursts with one type of sentence ends the next one with it too.
+    bursts with one type of sentence ends the next one with it too.  Sentences of different
+    epochs may come mixed.  Epochs come out in the order in which they are complete: a late one
+    comes out late, with its own time, and each but once.
 
     Args:
         settings: Gives the range error and the sigma of fixes that report none.
@@ -104,11 +104,10 @@ class NmeaParser:
         self.others: Counter[str] = Counter()
         self._settings = settings or Settings()
         self._calendar = _Calendar(day=int(today // 86_400))
-        self._ends = _BurstEnds()
+        self._bursts = Bursts()
         self._line = b""
         self._outside = False  # other bytes than of a sentence came last
-        self._waiting: list[Sentences] = []
-        self._last = -np.inf
+        self._out: deque[float] = deque(maxlen=_KEPT)  # times of the last fixes
 
     def feed(self, data: bytes) -> list[GeoFix]:
         """Take the next bytes; returns the fixes of the bursts that they complete."""
@@ -125,39 +124,30 @@ class NmeaParser:
             goes_on = self._outside and bool(foreign[0])
             self.skipped[_FOREIGN] += int(foreign.sum()) - goes_on
         self._outside = bool(foreign[-1])
-        waiting = sum(map(len, self._waiting))
-        done = self._ends.done(found)
-        self._waiting.append(found)
-        if waiting + len(found) - max(done, 0) > _LONGEST_BURST:
-            self._ends.close()
-            done = len(found)
-        return self._emit(waiting + done) if done >= 0 else []
+        return self._emit(self._bursts.take(found))
 
     def pause(self) -> list[GeoFix]:
         """The fix of the burst that has ended, when nothing arrives any more.
 
         Nothing comes out of a burst that stands in the middle of a sentence.
         """
-        return [] if self._line else self.flush()
+        return [] if self._line else self._emit(self._bursts.pause())
 
     def flush(self) -> list[GeoFix]:
-        """The stream has ended: the fix of its last burst."""
-        self._ends.learn()
-        return self._emit(sum(map(len, self._waiting)))
+        """The stream has ended: the fixes of its last bursts."""
+        return self._emit(self._bursts.flush())
 
-    def _emit(self, n: int) -> list[GeoFix]:
-        """The fixes of the first `n` of the sentences that wait."""
-        if not self._waiting:
+    def _emit(self, done: Sentences | None) -> list[GeoFix]:
+        """The fixes of sentences whose bursts have ended; of one time the first."""
+        if done is None:
             return []
-        done, others = joined(self._waiting).split(n)
-        self._waiting = [others] if len(others) else []
         fixes = []
         for fix in as_records(self.fixes(done)):
-            if fix.time > self._last or fix.time <= self._last - _CLOCK_SET:
-                self._last = fix.time
-                fixes.append(fix)
+            if fix.time in self._out:
+                self.skipped[REPEATED] += 1
             else:
-                self.skipped[_LATE] += 1
+                self._out.append(fix.time)
+                fixes.append(fix)
         return fixes
 
     def fixes(self, sentences: Sentences) -> Fixes:
@@ -182,57 +172,6 @@ class NmeaParser:
         if not self._calendar.dated:
             notes.append("no date in the log (no RMC, no ZDA): days are counted from 1970-01-01")
         return tuple(notes)
-
-
-_NONE = 0  # no type of sentence
-_UNTIMED = TYPES["VTG"].code
-
-
-class _BurstEnds:
-    """Where bursts end in a stream, and with which type of sentence."""
-
-    def __init__(self) -> None:
-        self._tod: float | None = None  # ms, of the burst that has begun
-        self._out: float | None = None  # ms, of the burst that ended last
-        self._newest = _NONE  # type of the last sentence
-        self._known = _NONE  # type that ends a burst
-        self._seen, self._times = _NONE, 0  # type that ended the last bursts, and how many
-
-    def done(self, found: Sentences) -> int:
-        """How many of the sentences found belong to bursts that have ended.
-
-        Returns:
-            A count; 0: only the burst that had begun before; -1: no burst has ended.
-        """
-        done = -1
-        for i, (code, tod) in enumerate(zip(found.code.tolist(), found.tod.tolist(), strict=True)):
-            if tod == tod and tod != self._tod:  # a time, and a new one
-                if self._tod is not None:
-                    self.learn()
-                    done = i
-                if tod == self._out:  # its burst was believed to have ended
-                    self._known, self._seen, self._times = _NONE, _NONE, 0
-                self._tod = tod
-            elif code == _UNTIMED and self._tod is None:
-                continue
-            self._newest = code
-            if code == self._known and self._tod is not None:
-                self.close()
-                done = i + 1
-        return done if self._tod is not None else len(found)
-
-    def learn(self) -> None:
-        """The burst has ended, as silence or the next burst shows."""
-        if self._tod is None:
-            return
-        self._times = self._times + 1 if self._newest == self._seen else 1
-        self._seen = self._newest
-        self._known = self._newest if self._times >= _SURE else _NONE
-        self.close()
-
-    def close(self) -> None:
-        """The burst has ended."""
-        self._out, self._tod = self._tod, None
 
 
 @dataclass(slots=True)

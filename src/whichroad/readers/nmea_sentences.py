@@ -108,6 +108,21 @@ class Sentences:
             Sentences(self.code[n:], self.tod[n:], others),
         )
 
+    def parted(self, chosen: Sequence[bool]) -> tuple["Sentences", "Sentences"]:
+        """Those that are chosen, shape (n,), and the others, each in the order of the log."""
+        mine = np.asarray(chosen, np.bool_)
+        return self._where(mine), self._where(~mine)
+
+    def _where(self, mine: Bools) -> "Sentences":
+        return Sentences(
+            self.code[mine],
+            self.tod[mine],
+            {
+                name: values[:, mine[self.code == TYPES[name].code]]
+                for name, values in self.values.items()
+            },
+        )
+
 
 def joined(batches: Sequence[Sentences]) -> Sentences:
     """Batches of sentences, one behind the other; at least one."""

@@ -3,7 +3,7 @@
 Logs and receivers on line share the scan for frames and the meaning of the fields.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import ReadError
 from ..observations import Drive, Fixes, GeoFix, SensorReading
 from ..wording import by_reason
-from .checks import Bools, Ints, Skipped, keep
+from .checks import REPEATED, Bools, Ints, Skipped, keep
 from .names import told_of
 from .reading import Reading
 from .reported_fixes import RADIUS_68, Reported, as_records, make_fixes
@@ -56,6 +56,7 @@ _NO_DATE = "epoch without a date"
 _RECKONED = "dead-reckoned fix (without GNSS)"
 _NAMES = {NAV_PVT: "NAV-PVT", NAV_COV: "NAV-COV", ESF_MEAS: "ESF-MEAS"}
 _BEGIN = np.zeros(1, np.int64)  # of a frame alone
+_KEPT = 64  # times of fixes of a stream that are known as having come
 _MOST_HELD = 2 * LONGEST  # bytes of a stream that wait for the end of a frame
 
 
@@ -138,6 +139,7 @@ class UbxParser:
     """UBX bytes in, fixes out, with bounded memory.
 
     A fix comes out with its NAV-COV where the receiver sends one, else with its NAV-PVT.
+    A late one comes out late, with its own time; of one time the first comes out.
 
     Args:
         reading: Gives the sigma of fixes that report none.
@@ -160,7 +162,7 @@ class UbxParser:
         self._held = b""
         self._waiting = b""  # a NAV-PVT whose NAV-COV may follow
         self._with_cov = False
-        self._last = -np.inf
+        self._out: deque[float] = deque(maxlen=_KEPT)  # times of the last fixes
 
     def feed(self, data: bytes) -> tuple[list[GeoFix], bytes]:
         """Take the next bytes.
@@ -182,7 +184,8 @@ class UbxParser:
                     fixes += self.pause()
             elif kind == NAV_COV:
                 self._with_cov = True
-                fixes += self.pause(frame)
+                if _itow(frame) == _itow(self._waiting):
+                    fixes += self.pause(frame)
             elif kind == ESF_MEAS and self._sensors is not None:
                 self._sensors.measured(frame)
             elif kind == NAV_RELPOSNED and len(frame) >= HEAD + RELPOSNED.itemsize + TAIL:
@@ -196,11 +199,10 @@ class UbxParser:
             return []
         reckoned = self._sensors is None or not self._sensors.useful
         whole = _fixes_of(frame + cov_frame, self._reading, self.skipped, keep_reckoned=reckoned)
-        fixes = [fix for fix in as_records(whole) if fix.time > self._last]
+        fixes = [fix for fix in as_records(whole) if fix.time not in self._out]
         if len(fixes) < len(whole):
-            self.skipped["time running backwards"] += 1
-        if fixes:
-            self._last = fixes[-1].time
+            self.skipped[REPEATED] += 1
+        self._out.extend(fix.time for fix in fixes)
         if self._sensors is not None:
             for fix in fixes:
                 self._sensors.fix(fix)
@@ -214,6 +216,11 @@ class UbxParser:
         self.told += self._teller.of_epochs(pvt, time, dated)
         if dated[0] and self._sensors is not None:
             self._sensors.epoch(float(time[0]))
+
+
+def _itow(frame: bytes) -> bytes:
+    """The epoch of a NAV-PVT or NAV-COV, as it is written."""
+    return frame[HEAD : HEAD + 4]
 
 
 def _fixes_of(data: bytes, reading: Reading, skipped: Skipped, *, keep_reckoned: bool) -> Fixes:
