@@ -1,4 +1,7 @@
-"""A late fix is moved to the present by the motion of the most probable hypothesis."""
+"""A late fix is moved to the present by the motion of the most probable hypothesis.
+
+What it is surer of than that motion is lost.
+"""
 
 import copy
 import math
@@ -9,6 +12,8 @@ import pytest
 import whichroad
 from laws.public import CAR, DISTANCE, START, convergence, degrees, readings, road_map
 from scenes import Truth, drive_along
+from whichroad.filter.state import K
+from whichroad.online.late_fixes import motion_since
 
 STEM = [[0.0, 0.0], [300.0, 0.0]]
 LEFT = [[300.0, 0.0], [500.0, 120.0]]
@@ -18,10 +23,14 @@ LATE = 0.5  # s
 NO_OTHERS = whichroad.Settings(u_turn_rate=0.0, off_road_start=0.0, off_road_leave=0.0)
 
 
-def fix_at(x: float, y: float, time: float, *, bearing: float | None = None) -> whichroad.GeoFix:
+def fix_at(
+    x: float, y: float, time: float, *, bearing: float | None = None, more: float = 0.0
+) -> whichroad.GeoFix:
     lon, lat = degrees(x, y)
     course = {} if bearing is None else {"bearing_deg": bearing, "sigma_bearing_deg": 6.0}
-    return whichroad.GeoFix(START + time, float(lat), float(lon), 9.0, 0.0, 9.0, **course)
+    return whichroad.GeoFix(
+        START + time, float(lat), float(lon), 9.0 + more, 0.0, 9.0 + more, **course
+    )
 
 
 def past_the_fork(truth: Truth, share: float) -> list[whichroad.Localizer]:
@@ -43,13 +52,14 @@ def past_the_fork(truth: Truth, share: float) -> list[whichroad.Localizer]:
     return found
 
 
-def moved_along(online: whichroad.Localizer, x: float, y: float) -> tuple[float, float]:
-    """A position moved on by the delay along the most probable hypothesis."""
+def moved_along(online: whichroad.Localizer, x: float, y: float, way: float) -> tuple[float, float]:
+    """A position moved on by a way (m by the odometer) along the most probable hypothesis."""
     now = online.estimate()
     best = max(now.hypotheses, key=lambda h: h.p)
     lon, lat = degrees(x, y)
     heading = math.radians(90.0 - best.pose.bearing_deg) + float(convergence(lon, lat))
-    metres = now.speed * LATE
+    rows = online._filter.belief.hyp[: online._filter.count]
+    metres = float(rows["mu"][np.argmax(rows["weight"]), K]) * way
     return x + metres * math.cos(heading), y + metres * math.sin(heading)
 
 
@@ -62,7 +72,10 @@ def moved_along(online: whichroad.Localizer, x: float, y: float) -> tuple[float,
     ],
 )
 def test_a_late_fix_is_moved_by_the_most_probable_hypothesis(branch, share: float):
-    """Its estimate equals that of a punctual fix at the position moved by the delay."""
+    """Its estimate equals that of a punctual fix at the position moved by the delay.
+
+    That one has the error of this motion besides.
+    """
     truth = drive_along([STEM[0], *branch], margin=20.0)
     seen = past_the_fork(truth, share)
     for online in seen:
@@ -73,7 +86,10 @@ def test_a_late_fix_is_moved_by_the_most_probable_hypothesis(branch, share: floa
         place = float(np.interp(now, truth.time, truth.x)), 0.0
         late, prompt = copy.deepcopy(online), copy.deepcopy(online)
         a = late.update(fix_at(*place, now - LATE))
-        b = prompt.update(fix_at(*moved_along(online, *place), now))
+        way = float(np.diff(np.interp([now - LATE, now], truth.time, truth.s))[0])
+        since = motion_since(online._filter, START + now - LATE, (0.0, math.inf))
+        assert 0.1 < since.sigma < 2.0
+        b = prompt.update(fix_at(*moved_along(online, *place, way), now, more=since.sigma**2))
         assert a.time == b.time
         assert [a.pose.x, a.pose.y] == pytest.approx([b.pose.x, b.pose.y], abs=1e-3)
         assert [h.p for h in a.hypotheses] == pytest.approx([h.p for h in b.hypotheses], abs=1e-5)

@@ -80,3 +80,24 @@ def test_a_late_fix_is_moved_on_as_the_vehicle_has_moved(late: float, gyro: bool
     in_time, behind = errors(0.0, gyro), errors(late, gyro)
     assert np.quantile(in_time, 0.95) < SIGMA
     assert behind.max() < 4.0 * SIGMA
+
+
+@pytest.mark.parametrize("late", [0.5, 0.9])
+def test_beside_an_odometer_alone_a_late_fix_is_moved_on_by_it_and_is_less_sure(late: float):
+    rng = np.random.default_rng(2)
+    time = np.arange(0.0, 120.0, 0.1)
+    speed = 9.0 + 6.0 * np.sin(2 * np.pi * time / 14.0)  # up to 2.7 m/s²
+    way = np.concatenate([[0.0], np.cumsum(0.1 * speed[:-1])])
+    lat, lon = PLANE.to_geodetic(way + rng.normal(0.0, 0.01, len(time)), 0.0 * way)
+    arrivals = [(t, Distance(t, s)) for t, s in zip(time.tolist(), way.tolist(), strict=True)]
+    rows = list(zip(time.tolist(), lat.tolist(), lon.tolist(), strict=True))[::2]
+    arrivals += [(t + late, GeoFix.with_sigma(t, a, b, SIGMA)) for t, a, b in rows]
+    online, found, above = Localizer(TOWN), [], 0
+    for _, reading in sorted(arrivals, key=lambda a: a[0]):
+        said = online.update(reading)
+        if isinstance(reading, GeoFix) and reading.time > 30.0:
+            there = float(np.interp(said.time, time, way))
+            found.append(math.hypot(said.pose.x - there, said.pose.y))
+            above += found[-1] > said.protection_level
+    assert np.quantile(found, 0.95) < 0.3 * late
+    assert above == 0

@@ -297,11 +297,14 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         (x, y, major, minor, axis), course, sigma = fix_row(
             fix, self.roads.plane, self.settings.default_sigma_m
         )
+        sigma_speed = fix.sigma_speed
         if late and now.count:
-            since = motion_since(now, fix.time)
+            since = motion_since(now, fix.time, (course, sigma))
             x, y, course = x + since.x, y + since.y, course + since.turn
             major, minor = math.hypot(major, since.sigma), math.hypot(minor, since.sigma)
-        now.add_fix((x, y, major, minor, axis, fix.speed, fix.sigma_speed, course, sigma))
+            sigma = math.hypot(sigma, since.turn_sigma)
+            sigma_speed = math.hypot(sigma_speed, since.speed_sigma)
+        now.add_fix((x, y, major, minor, axis, fix.speed, sigma_speed, course, sigma))
         self._gyro.takeover.fixed(fix.lat_deg, fix.lon_deg, math.sqrt(major * minor))
         self._run()
         self._far_fix = (time, self._filter.disbelieved(x, y, major))
