@@ -161,6 +161,39 @@ def test_an_antenna_that_is_elsewhere_is_named_with_its_place():
     assert findings(statistics) == ()
 
 
+def fine(seed: int, antenna: complex, **more: float) -> Array:
+    """A drive with a receiver that reports 3 cm."""
+    rows = drive(seed, sigma=0.01, learnt=1.0, map_error=0.1, antenna=antenna, **more)
+    rows[:, [Row._fields.index(name) for name in ("major", "minor")]] = 0.03
+    return rows
+
+
+@pytest.mark.parametrize("antenna", [0.6j, -0.6j, 0.7 + 0j, -0.7 + 0j, 0.4 - 0.4j])
+def test_of_a_receiver_of_centimetres_some_decimetres_are_named(antenna: complex):
+    named = found(fine(1, antenna))
+    assert set(named) == {"antenna"}
+    assert named["antenna"].statistic == pytest.approx(abs(antenna), abs=0.05)
+    assert "what you measure" in named["antenna"].advice
+
+
+@pytest.mark.parametrize("antenna", [0j, 0.3j, 0.45 + 0j, -0.45 + 0j])
+def test_of_a_receiver_of_centimetres_an_antenna_about_right_is_not_named(antenna: complex):
+    assert "antenna" not in found(fine(1, antenna))
+    assert "antenna" not in found(drive(1, antenna=antenna))
+
+
+def test_what_the_antenna_explains_is_no_reason_to_doubt_its_place():
+    errors = gauss_markov(np.random.default_rng(3), SECONDS, 0.2, 20.0)
+    sigmas = []
+    for antenna in (0j, 0.7 + 0j):
+        rows = fine(1, antenna)
+        rows[:, [Row._fields.index(name) for name in ("fix_x", "fix_y")]] += errors
+        statistics = ConsistencyStatistics(FITS, CAR)
+        statistics.take(rows)
+        sigmas.append(statistics.shift().sigma_antenna)
+    assert sigmas[1] == pytest.approx(sigmas[0], rel=0.1)
+
+
 def test_fixes_judge_no_antenna_where_nothing_else_measures_turns():
     """A heading that follows the fixes is late in turns, as if the antenna were ahead."""
     rows = drive(1, sigma=3.0, antenna=15.0 + 0.0j)

@@ -27,7 +27,9 @@ _SMALL = 0.7  # σ ratio below which the receiver reports too large errors
 _SCALE = 4.0  # largest scale and drift, in sigmas of the settings
 _GAIN = 0.035  # largest relative error of turns
 _LATE = 0.2  # s, largest offset between clocks
-_ANTENNA = 1.5  # m, largest error of the lever arm
+_ANTENNA = 1.5  # m, largest error of the lever arm,
+_FINE_ANTENNA, _OF_REPORTED = 0.4, 4.0  # and of fine receivers: m, and times the reported sigma
+_AHEAD = 1.25  # ahead it may be as much larger: a track width 3 % off looks like that
 _PRECISE = 0.3  # m, reported sigma below which the place of the antenna matters
 _COARSEST = 500.0  # m, of the settings
 _SURE = 4.0  # significance of a measured offset, in sigmas
@@ -122,8 +124,10 @@ def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
     band = max(_LATE, _SURE * sigma_late)
     if abs(late) > band:
         found.append(clock_finding(late, band))
-    band = max(_ANTENNA, _SURE * sigma_antenna)
-    if statistics.steered and abs(antenna) > band:
+    least = min(_ANTENNA, max(_FINE_ANTENNA, _OF_REPORTED * statistics.reported))
+    band = max(least, _SURE * sigma_antenna)
+    fine = 1.0 if least == _ANTENNA else math.hypot(antenna.real / _AHEAD, antenna.imag) / least
+    if statistics.steered and abs(antenna) > band and fine >= 1.0:
         right = antenna + complex(
             statistics.vehicle.antenna_forward, statistics.vehicle.antenna_left
         )
@@ -133,7 +137,8 @@ def _shift(statistics: ConsistencyStatistics) -> list[Finding]:
                 f"the antenna seems to be {_side(right.real, 'ahead', 'behind')} and "
                 f"{_side(right.imag, 'to the left', 'to the right')} of the middle of the rear "
                 f"axle; set forward_m = {right.real:.1f} and left_m = {right.imag:.1f} under "
-                "[antenna] in vehicle.toml (antenna_forward, antenna_left)",
+                "[antenna] in vehicle.toml (antenna_forward, antenna_left), or better what you "
+                "measure: of an error ahead hardly more than half shows",
             )
         )  # fmt: skip
     return found

@@ -354,9 +354,10 @@ class ConsistencyStatistics:
         late = (uu * ve - vu * ue) / rest
         antenna = (vv * ue - vu.conjugate() * ve) / rest
         variance = LAGS[_MIDDLE] * ee.real / (2.0 * n.real * rest)  # of one in so many seconds
+        left = max(1.0 - float((antenna.conjugate() * ue).real / ee.real), 0.0)  # by the antenna
         return Shift(
             float(-late.real),
             complex(antenna),
             math.sqrt(variance * uu.real),
-            math.sqrt(variance * vv.real),
+            math.sqrt(variance * left * vv.real),
         )
