@@ -10,7 +10,10 @@ import pytest
 import whichroad
 from whichroad.diagnosis.finding import Finding
 from whichroad.diagnosis.findings import _chance, findings
+from whichroad.diagnosis.sensors import sensor_findings
 from whichroad.diagnosis.statistics import ConsistencyStatistics, Row
+from whichroad.filter.state import new_belief
+from whichroad.filter.vetting.windows import BY_GYRO, BY_WHEELS
 from whichroad.observations import (
     Array,
     Drive,
@@ -92,6 +95,31 @@ def test_errors_larger_than_reported_are_named(seed: int):
     assert set(named) == {"gnss sigma"}
     assert named["gnss sigma"].level == "warning"
     assert named["gnss sigma"].statistic == pytest.approx(1.5, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_that_grow_with_the_time_between_fixes_alone_may_be_the_wheels(seed: int):
+    rows = drive(seed, learnt=1.5)
+    more = gauss_markov(np.random.default_rng(100 + seed), SECONDS, 4.5, FITS.gnss_time)
+    rows[:, [Row._fields.index(name) for name in ("fix_x", "fix_y")]] += more
+    named = found(rows)
+    assert set(named) == {"gnss sigma"}
+    assert "either the wheels' heading drifts" in named["gnss sigma"].advice
+    assert "wheels" not in found(drive(seed, sigma=1.5))["gnss sigma"].advice
+
+
+def test_a_gyro_s_scale_is_named_beside_its_offset_and_a_track_width_with_what_to_set():
+    vetting = new_belief().state[0].vetting
+    vetting.wheel_size.scale.factor = vetting.wheel_size.scale.rate = 1.0
+    vetting.turn_size.scale.factor = 1.37
+    said = {}
+    for steered in (BY_GYRO, BY_WHEELS):
+        vetting.steered = steered
+        said |= {one.what: one.advice for one in sensor_findings(vetting)}
+    assert set(said) == {"gyro: scale", "wheels: track width"}
+    assert "its offset has jumped" in said["gyro: scale"]
+    assert "correct" not in said["gyro: scale"]
+    assert "divide track_width by 1.370" in said["wheels: track width"]
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -23,6 +23,7 @@ _SURELY = 3.5  # that ratio where a too large sigma explains the data as well
 _CHANCE = 2.5  # sigmas of log T by which chance may move it
 _SIGMA = 1.18  # largest σ over the reported one, where T is right
 _SIGMA_TOO = 1.25  # largest σ over the reported one, where T is wrong
+_USUAL_WHITE = 1.5  # white variance over that of the settings, up to which it is as reported
 _SMALL = 0.7  # σ ratio below which the receiver reports too large errors
 _SCALE = 4.0  # largest scale and drift, in sigmas of the settings
 _GAIN = 0.035  # largest relative error of turns
@@ -208,13 +209,8 @@ def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
     sigma = math.sqrt(size if time_off else size_if_right)
     high, low = _wider(statistics, _SIGMA_TOO if time_off else _SIGMA), _wider(statistics, _SMALL)
     if sigma > high:
-        found.append(
-            Finding(
-                "gnss sigma", "warning", sigma, low, high,
-                f"GNSS errors are {sigma:.1f} times the reported sigmas; the filter "
-                "adapts to that only partly; report larger sigmas",
-            )
-        )  # fmt: skip
+        usual = white <= _USUAL_WHITE * statistics.settings.gnss_white_ratio**2
+        found.append(Finding("gnss sigma", "warning", sigma, low, high, _too_large(sigma, usual)))
     elif sigma < low and not time_off:
         found.append(
             Finding(
@@ -224,6 +220,24 @@ def _gnss(statistics: ConsistencyStatistics) -> list[Finding]:
             )
         )  # fmt: skip
     return found
+
+
+def _too_large(sigma: float, usual: bool) -> str:
+    """What GNSS errors that are too large may be; `usual`: from one fix to the next they are not.
+
+    A receiver that understates its errors does so for those that are new in each fix, too.
+    """
+    if not usual:
+        return (
+            f"GNSS errors are {sigma:.1f} times the reported sigmas; the filter adapts to that "
+            "only partly; report larger sigmas"
+        )
+    return (
+        f"over a minute the fixes leave the way by the wheels {sigma:.1f} times as far as the "
+        "reported sigmas say, from one fix to the next they do not; either the wheels' heading "
+        "drifts: look at tyres, slip and coarse counters; or GNSS errors that last are larger: "
+        "then report larger sigmas"
+    )
 
 
 def findings_of(

@@ -262,14 +262,19 @@ def _scale(ways: Record) -> Finding:
 def _turn_scale(vetting: Record) -> Finding:
     """Turns whose scale was found to be another one."""
     gain = float(vetting.turn_size.scale.factor)
-    name, advice = "gyro: scale", "correct the yaw rate's scale"
+    name = "gyro: scale"
+    text = (
+        f"turns were taken {gain:.2f} times as measured, which fits best; either the yaw rate has "
+        "another scale, or its offset has jumped, and no scale is right; compare it with 0 where "
+        "the vehicle stands, before and after"
+    )
     if vetting.steered == BY_WHEELS:
         name = "wheels: track width"
-        advice = f"divide track_width by {gain:.3f}, or correct the yaw rate"
-    return Finding(
-        name, "warning", gain, 1.0 - _TURNS, 1.0 + _TURNS,
-        f"true turns are {gain:.3f} times those that are measured, and are taken so; {advice}",
-    )  # fmt: skip
+        text = (
+            f"true turns are {gain:.3f} times those that are measured, and are taken so; divide "
+            f"track_width by {gain:.3f}, or correct the yaw rate"
+        )
+    return Finding(name, "warning", gain, 1.0 - _TURNS, 1.0 + _TURNS, text)
 
 
 def _turns(vetting: Record) -> Finding:
