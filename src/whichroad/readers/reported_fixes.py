@@ -29,6 +29,7 @@ from ..settings import Settings
 from .checks import Bools, Ints, Skipped, in_order, keep
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
 from .interpolated_places import interpolated
+from .late_speeds import Columns, in_time
 from .rounded_places import rounding
 from .unmeasured import unmeasured
 
@@ -163,7 +164,11 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
         flags |= wrong.flags
         speed = wrong.pace
         course = None if course is None else np.where(wrong.no_course, np.nan, course)
-    speed, sigma_speed = _or_unknown(speed, r.sigma_speed, len(r.time))
+    told = Columns(speed, r.sigma_speed, course)
+    if made is None and wrong is None:
+        told = in_time(r.time, (r.lat_deg, r.lon_deg), told, first, skipped)
+    speed, sigma_speed = _or_unknown(told.speed, told.sigma_speed, len(r.time))
+    course = told.course
     bearing, sigma_bearing = _course(course, speed, sigma_speed)
     if wrong is not None:
         speed = np.where(wrong.no_speed, 0.0, speed)
