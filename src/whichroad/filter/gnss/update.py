@@ -309,11 +309,10 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
 
 
 @kernel(inline=True)
-def _follow_fix(
-    belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: float, measured: bool
-) -> float:
-    """Condition on the position; where no motion is measured, count how far that moves it."""
-    if measured:
+def _follow_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: float) -> float:
+    """Condition on the position; where that is all that is measured, count how far it moves."""
+    state = belief.state[0]
+    if state.mode != CLOCK or not is_fine(state) or not is_followed_blindly(state, epoch):
         return _weigh_fix(belief, ctx, epoch, axes, since)
     add_places(belief, -1.0)
     chi2 = _weigh_fix(belief, ctx, epoch, axes, since)
@@ -372,7 +371,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     follow_track(belief, since)
     _settle(belief, ctx, epoch, axes, doubted, since)
     state.fix_interval += LATEST * (since - state.fix_interval)
-    chi2 = _follow_fix(belief, ctx, epoch, axes, since, measured)
+    chi2 = _follow_fix(belief, ctx, epoch, axes, since)
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0 and in_reach:
         _search(belief, path, ctx, epoch, white, far)
