@@ -45,7 +45,15 @@ def test_a_run_that_is_interrupted_says_how_far_it_is(tmp_path, town, table, mon
     assert said_of_end(tmp_path).startswith("interrupted before the first unit")
 
 
-def test_what_a_run_begins_hears_no_interrupt_and_it_hears_it_later():
+@pytest.fixture
+def usual_interrupt():
+    """Ctrl-C raises KeyboardInterrupt: Spark leaves a handler of its own behind."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_what_a_run_begins_hears_no_interrupt_and_it_hears_it_later(usual_interrupt):
     heard, shown = [], "import signal; print(signal.pthread_sigmask(signal.SIG_BLOCK, []))"
     ended = threading.Event()
     other = threading.Thread(target=ended.wait)  # it takes the signal for this one
