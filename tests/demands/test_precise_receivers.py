@@ -1,9 +1,12 @@
 """Receivers of centimetres without odometry: parked, creeping, in corners, after a coarse start."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.manoeuvres import How, one, scenes
 from benchmarks.manoeuvres.cases import Case, of_sigma
+from benchmarks.manoeuvres.sensors import Heard
 
 from whichroad import GeoFix, match
 
@@ -100,3 +103,27 @@ def test_a_stop_is_where_a_fine_receiver_says(begin: float):
     ]
     points = match(fixes, road_map(STREET)).points
     assert off(points, x, 0.0 * x)[time > begin + 10.0].max() < 0.25
+
+
+def jolted(heard: list[Heard], moment: float) -> list[Heard]:
+    """Each fiftieth fix is wrong by 5 to 100 m."""
+    random = np.random.default_rng(6)
+    changed = []
+    for each in heard:
+        if isinstance(each.reading, GeoFix) and random.random() < 0.02:
+            off, way = np.exp(random.uniform(np.log(5.0), np.log(100.0))), random.uniform(0.0, 6.28)
+            place = each.reading
+            place = replace(
+                place, lat_deg=place.lat_deg + off * M * np.sin(way),
+                lon_deg=place.lon_deg + off * M * np.cos(way) / np.cos(np.radians(place.lat_deg)),
+            )  # fmt: skip
+            each = each._replace(reading=place)
+        changed.append(each)
+    return changed
+
+
+@pytest.mark.parametrize("suite", ["fixes", "odometer"])
+def test_a_wrong_fix_does_not_leave_the_pose_where_it_was(suite: str):
+    case = Case("jolted", scenes.town, (suite,), of_sigma(0.02, 0.2), clock=jolted)
+    found = one("fine", case, suite, 1000, How())
+    assert found.pose.exceeded <= 0.01 * found.pose.epochs

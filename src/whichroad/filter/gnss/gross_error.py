@@ -8,7 +8,8 @@ that last for τ = `gnss_fault_time` on average,
     P(the motion was wrong | T s later) = 1 / (1 + 9 exp(−T / τ))
 
 A side that has died lives again at the fix with that probability, now and then, and the level
-covers it.  Where a jump takes back the one before it, the fixes in between were wrong.
+covers it.  Where a jump takes back the one before it, the fixes in between were wrong.  Where no
+turns are measured, a single wrong fix may have moved the belief: P(the receiver) = 1/6 there.
 """
 
 import math
@@ -20,6 +21,7 @@ from ..state import (
     GY,
     MOTION,
     RECEIVER,
+    WHEELS,
     Belief,
     Context,
     N,
@@ -33,6 +35,7 @@ from .position import NU0, NU1, Axes
 from .sides import fits_best
 
 _ODDS = 9.0  # of the receiver against the motion, at a jump
+_UNMEASURED = 0.2  # the same where nothing measures turns
 _EVERY = 20.0  # s, between two times that a side is offered anew
 _OF_WEIGHT, _OF_SIDE = 0.01, 1e-3  # as in `gnss.sides`
 _TAKEN_BACK = 0.35  # of a jump, up to which it and the next one together are none,
@@ -117,7 +120,7 @@ def _offer(belief: Belief, p: float) -> None:
 
 @kernel
 def heed_gross_error(belief: Belief, ctx: Context, time: float) -> None:
-    """With each fix beside wheels: whether the likeliest place is far from a fine receiver's.
+    """With each fix: whether the likeliest place is far from a fine receiver's.
 
     Args:
         belief: In place; hypotheses at the fix are added where none lives there.
@@ -132,7 +135,8 @@ def heed_gross_error(belief: Belief, ctx: Context, time: float) -> None:
         return
     if agreed and time - gross.time > _LATELY:
         gross.time = gross.offered = time
-    odds = _ODDS * math.exp(-(time - gross.time) / ctx.par[0].gnss_fault_time)
+    prior = _ODDS if state.mode == WHEELS else _UNMEASURED
+    odds = prior * math.exp(-(time - gross.time) / ctx.par[0].gnss_fault_time)
     gross.p = min(1.0 / (1.0 + odds), _MOST)
     if time - gross.offered < _EVERY:
         return

@@ -376,10 +376,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     if par.gnss_lost > 0.0 and in_reach:
         _search(belief, path, ctx, epoch, white, far)
     observe_motion(belief, ctx, epoch, thin)
-    if state.mode == WHEELS:
-        heed_gross_error(belief, ctx, epoch.time)
-    else:
-        state.separation.gross.p = 0.0
+    heed_gross_error(belief, ctx, epoch.time)
     state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     _count_misfit(belief, fix, far)
     return chi2
