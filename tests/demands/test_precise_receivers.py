@@ -127,3 +127,11 @@ def test_a_wrong_fix_does_not_leave_the_pose_where_it_was(suite: str):
     case = Case("jolted", scenes.town, (suite,), of_sigma(0.02, 0.2), clock=jolted)
     found = one("fine", case, suite, 1000, How())
     assert found.pose.exceeded <= 0.01 * found.pose.epochs
+    assert found.pose.inside >= 0.975 * found.pose.epochs
+
+
+def test_by_positions_alone_the_level_covers_fixes_that_leave_the_road():
+    """Into a street that the map lacks, where the likeliest hypothesis goes straight on."""
+    case = Case("unmapped", scenes.side_street, ("fixes",), of_sigma(0.7, 0.2))
+    found = one("fine", case, "fixes", 1000, How())
+    assert found.pose.exceeded == 0
