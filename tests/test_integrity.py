@@ -112,7 +112,7 @@ def test_many_are_put_into_words_as_one_is(roads: RoadMap, seed: int, rows: int)
         competing([(e, q) for e, q in zip(*pair, strict=True) if e != NO_EDGE], roads.name)
         for pair in zip(edges.tolist(), p.tolist(), strict=True)
     ]
-    assert _competing(edges, p, roads).to_pylist() == wanted
+    assert _competing(edges, p, roads) == wanted
 
 
 def test_on_line_the_same_roads_are_named(roads: RoadMap):

@@ -288,7 +288,7 @@ def _tracepoints(
     matched: Matched, number: dict[int, tuple[int, int | None]], options: Options
 ) -> list[dict[str, Any] | None]:
     edge = matched.driven.edge[matched.at].astype(np.int64)
-    names = [name or "" for name in matched.roads.names(edge).to_pylist()]
+    names = [name or "" for name in matched.roads.names(edge)]
     places, others = pairs(matched.lat, matched.lon), matched.competitors().tolist()
     away, along = matched.away.tolist(), matched.along.tolist()
     found: list[dict[str, Any] | None] = []

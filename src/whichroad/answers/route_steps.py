@@ -79,7 +79,7 @@ def lengths(matched: Matched, pieces: list[Piece]) -> Lengths:
 def names_of(matched: Matched, pieces: list[Piece]) -> list[str]:
     """What the streets of pieces are called; empty: nothing."""
     edge = np.array([piece.edge for piece in pieces], np.int64)
-    return [name or "" for name in matched.roads.names(edge).to_pylist()]
+    return [name or "" for name in matched.roads.names(edge)]
 
 
 def whole(bearing_deg: float) -> int:

@@ -10,13 +10,13 @@ from .streets import Ints
 
 def edge_lines(arrays: Roads, edge: Ints, start: Array, end: Array) -> tuple[Array, Array, Ints]:
     """See `RoadMap.edge_lines`."""
-    vertices, edges = arrays.vertices, arrays.edges
-    low = edges.first_vertex[edge]
-    count = edges.last_vertex[edge] - low + 1
+    vertices, edges = arrays.vertices.view(np.ndarray), arrays.edges.view(np.ndarray)
+    low = edges["first_vertex"][edge]
+    count = edges["last_vertex"][edge] - low + 1
     line, place = row_and_place(count)
     vertex = low[line] + place
-    x, y, s = vertices.x, vertices.y, vertices.s
-    length = edges.length[edge]
+    x, y, s = (vertices[name] for name in ("x", "y", "s"))
+    length = edges["length"][edge]
     start = np.clip(start, 0.0, length)
     end = np.clip(end, start, length)
     first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
@@ -26,14 +26,12 @@ def edge_lines(arrays: Roads, edge: Ints, start: Array, end: Array) -> tuple[Arr
         k = low + np.clip(np.add.reduceat(before, first) - 1, 0, count - 2) if len(edge) else low
         share = (at - s[k]) / (s[k + 1] - s[k])
         ends.append([v[k] + share * (v[k + 1] - v[k]) for v in (x, y)])
-    inside = (s[vertex] > start[line]) & (s[vertex] < end[line])
-    order = np.argsort(
-        np.concatenate([np.arange(len(edge)), line[inside], np.arange(len(edge))]),
-        kind="stable",
-    )
-    x, y = (
-        np.concatenate([ends[0][i], v[vertex[inside]], ends[1][i]])[order]
-        for i, v in enumerate((x, y))
-    )
-    parts = np.bincount(line[inside], minlength=len(edge)) + 2
-    return x, y, np.concatenate([[0], np.cumsum(parts)]).astype(np.int64)
+    inside = np.flatnonzero((s[vertex] > start[line]) & (s[vertex] < end[line]))
+    inner = line[inside]
+    parts = np.zeros(len(edge) + 1, np.int64)
+    np.cumsum(np.bincount(inner, minlength=len(edge)) + 2, out=parts[1:])
+    lines = np.empty((2, parts[-1]))
+    for whole, v, begin, stop in zip(lines, (x, y), *ends, strict=True):
+        whole[parts[:-1]], whole[parts[1:] - 1] = begin, stop
+        whole[np.arange(len(inner)) + 2 * inner + 1] = v[vertex[inside]]
+    return *lines, parts

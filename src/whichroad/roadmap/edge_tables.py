@@ -117,7 +117,9 @@ def by_source(roads: "RoadMap", path: Any) -> Any:
     _check(path, roads)
     edge, enter, leave = (_numbers(path, name) for name in ("edge_id", "enter_m", "exit_m"))
     row, start, end = _parts(roads, edge.astype(np.int64), enter, leave)
-    names, forward = roads.sources(edge[row].astype(np.int64), 0.5 * (start + end))
+    part = edge[row].astype(np.int64)
+    piece = roads.piece(part, 0.5 * (start + end))
+    names, forward = roads.drawn_as(piece)
     begin, finish = (_numbers(path, name) for name in ("enter_time", "exit_time"))  # µs
     length = np.maximum(leave - enter, 1e-9)[row]
     first, last = ((m - enter[row]) / length for m in (start, end))
@@ -135,8 +137,8 @@ def by_source(roads: "RoadMap", path: Any) -> Any:
         "exit_m": pa.array(end),
         "duration_s": pa.array(seconds),
         "mean_speed_mps": pa.array(speed, mask=~moving),
-        **on_sources(roads, edge[row].astype(np.int64), start, end),
-        "geometry": _lines(roads, edge[row].astype(np.int64), start, end),
+        **on_sources(roads, part, piece, start, end),
+        "geometry": _lines(roads, part, start, end),
     }
     kept = path.select([n for n in path.column_names if n not in _OF_EDGES]).take(pa.array(row))
     more = [n for n in new if n.startswith("source_") and n not in kept.column_names]
@@ -149,7 +151,9 @@ def by_source(roads: "RoadMap", path: Any) -> Any:
     return table.cast(pa.schema(fields))
 
 
-def on_sources(roads: "RoadMap", edge: Ints, enter: Array, leave: Array) -> dict[str, Any]:
+def on_sources(
+    roads: "RoadMap", edge: Ints, piece: Ints, enter: Array, leave: Array
+) -> dict[str, Any]:
     """Columns of a path that say where on the road of the source its rows begin and end.
 
     That road is the one in the middle; beyond it the place is its end.
@@ -157,17 +161,19 @@ def on_sources(roads: "RoadMap", edge: Ints, enter: Array, leave: Array) -> dict
     Args:
         roads: The map.
         edge: (n,) edges.
+        piece: (n,) rows of `roads.pieces` in their middle.
         enter: (n,) along-track positions, m.
         leave: (n,) m.
     """
     import pyarrow as pa
 
-    piece = roads.piece(edge, 0.5 * (enter + leave))
-    places = {"enter": on_source(roads, piece, enter), "exit": on_source(roads, piece, leave)}
+    n = len(piece)
+    edges, pieces = np.append(edge, edge), np.append(piece, piece)  # both ends at once
+    place = on_source(roads, edges, pieces, np.append(enter, leave))
     return {
-        f"source_{end}_{name}": pa.array(values)
-        for name in SourcePlace._fields
-        for end, values in ((end, getattr(place, name)) for end, place in places.items())
+        f"source_{end}_{name}": pa.array(values[part])
+        for name, values in zip(SourcePlace._fields, place, strict=True)
+        for end, part in (("enter", slice(n)), ("exit", slice(n, None)))
     }
 
 

@@ -22,7 +22,6 @@ from .tags import ACCESS_WORDS
 
 if TYPE_CHECKING:
     import geopandas
-    import pyarrow as pa
 
 _FLAGS = frozenset({"bridge", "tunnel", "roundabout"})
 
@@ -187,7 +186,9 @@ class RoadMap(EdgeGeometry):
             s: (n,) true m from their starts, or one for all.
         """
         edges = np.ascontiguousarray(np.atleast_1d(np.asarray(edge, dtype=np.int64)))
-        along = np.broadcast_to(np.asarray(s, dtype=np.float64), edges.shape)
+        along = np.asarray(s, dtype=np.float64)
+        if along.shape != edges.shape:
+            along = np.broadcast_to(along, edges.shape)
         found, pieces = np.empty(len(edges), np.int64), self.pieces
         topology.find_pieces(pieces.first, pieces.start, edges, np.ascontiguousarray(along), found)
         return found
@@ -234,7 +235,8 @@ class RoadMap(EdgeGeometry):
             `m`, (n,) metres from the start of the road as it was drawn, and `share` of its length.
         """
         piece = self.piece(edge, s)
-        return on_source(self, piece, np.broadcast_to(np.asarray(s, np.float64), piece.shape))
+        along = np.broadcast_to(np.asarray(s, np.float64), piece.shape)
+        return on_source(self, np.atleast_1d(np.asarray(edge)), piece, along)
 
     def node_ids(self, node: ArrayLike) -> list[int | str]:
         """The source's ids of (n,) junctions, which a path's `from_node` and `to_node` number.
@@ -283,9 +285,9 @@ class RoadMap(EdgeGeometry):
         """What the edge's longest piece is called."""
         return self._values("name", self.way[[edge]])[0]  # type: ignore[no-any-return]
 
-    def names(self, edge: NDArray[Any]) -> "pa.Array":
-        """`name` of (n,) edges as an Arrow column, null where there is none."""
-        return cast(Texts, self.ways["name"]).column(self.way[edge])
+    def names(self, edge: NDArray[Any]) -> list[str | None]:
+        """`name` of (n,) edges."""
+        return self._values("name", self.way[edge])
 
     def words(self, name: str, piece: Ints) -> list[str]:
         """An attribute that is text, of some of the `pieces`; empty where it is not known.

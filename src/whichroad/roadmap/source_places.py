@@ -18,17 +18,16 @@ class SourcePlace(NamedTuple):
     share: Array  # of its length, 0 to 1
 
 
-def on_source(roads: "RoadMap", piece: Ints, s: Array) -> SourcePlace:
-    """Places on the roads of (n,) `pieces` at along-track positions s, m.
+def on_source(roads: "RoadMap", edge: Ints, piece: Ints, s: Array) -> SourcePlace:
+    """Places on the roads of (n,) `pieces`, of these edges, at along-track positions s, m.
 
     Positions beyond a piece are those of its ends.
     """
     pieces = roads.pieces
     forward = pieces.forward[piece] > 0
     after = np.minimum(piece + 1, len(pieces.start) - 1)
-    edge = np.searchsorted(pieces.first, piece, side="right") - 1
     last = piece + 1 == pieces.first[edge + 1]
-    end = np.where(last, roads.arrays.edges.length[edge], pieces.start[after])
+    end = np.where(last, roads.arrays.edges["length"][edge], pieces.start[after])
     driven = np.clip(s, pieces.start[piece], end) - pieces.start[piece]
     place = pieces.offset[piece] + np.where(forward, driven, -driven)
     whole = pieces.whole[piece]

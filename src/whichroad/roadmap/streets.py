@@ -1,15 +1,12 @@
 """What the map readers give to the compiler: streets with shared nodes, and their attributes."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..observations import Array
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 Ints = NDArray[np.int64]
 Bytes = NDArray[np.uint8]
@@ -47,16 +44,6 @@ class Texts:
         codes = self.code[np.asarray(rows)].tolist()
         words = {code: self.word(code) for code in set(codes)}
         return [words[code] for code in codes]
-
-    def column(self, rows: ArrayLike) -> "pa.Array":
-        """The words of some rows as an Arrow column, null where a word is absent."""
-        import pyarrow as pa
-
-        codes = self.code[np.asarray(rows)]
-        buffers = [None, pa.py_buffer(self.offset), pa.py_buffer(self.utf8)]
-        words = pa.Array.from_buffers(pa.large_string(), len(self.offset) - 1, buffers)
-        empty = self.offset[codes] == self.offset[codes + 1]
-        return words.take(pa.array(codes, mask=empty)).cast(pa.string())
 
 
 Column = NDArray[Any] | Texts

@@ -1,28 +1,22 @@
 """The filter's estimates as whole columns, and in words why a status is what it is."""
 
 from collections.abc import Sequence
-from functools import lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from .._compile import Records
-from ..filter.state import NO_EDGE, OFF_ROAD
+from ..filter.state import NO_EDGE
 from ..filter.summary.estimate import AMBIGUOUS, Output
 from ..observations import Array
 from ..roadmap import RoadMap
 from .status import COUNTS, RECENT, STATUS, far_off, reason, title
 
 XX, XY, XH, YY, YH, HH = range(6)  # elements of the covariance of x, y, heading
-
-
-@lru_cache(maxsize=1)
-def _shares() -> pa.Array:
-    """Probabilities in hundredths as text."""
-    return pa.array([f"({0.01 * cents:.2f})" for cents in range(101)])
+_SHARES = [f"({0.01 * cents:.2f})" for cents in range(101)]  # probabilities in hundredths
 
 
 class Estimates(NamedTuple):
@@ -56,7 +50,8 @@ class Estimates(NamedTuple):
 
 def columns_of(output: Output) -> Estimates:
     """The columns of (n,) estimates."""
-    columns = {name: output.rows[name] for name in Estimates._fields}
+    rows = output.rows.view(np.ndarray)  # of which a field is had at once
+    columns = {name: rows[name] for name in Estimates._fields}
     columns["cov"] = columns["cov"].T
     return Estimates(**{name: np.ascontiguousarray(c) for name, c in columns.items()})
 
@@ -94,33 +89,24 @@ def reasons(epochs: Records, v: Estimates, roads: RoadMap, begins: Sequence[int]
         for k in one
     ]
     rows = np.flatnonzero(vie)
-    usual = pa.array(texts, pa.string())
-    also = pa.array([text or None for text in texts], pa.string()).take(pa.array(at[rows]))
+    also = [texts[k] for k in at[rows].tolist()]
     words = _competing(v.alt_edge[rows], v.alt_p[rows].astype(np.float64), roads)
-    words = pc.binary_join_element_wise(words, also, "; ", null_handling="skip")
     at[rows] = len(texts) + np.arange(len(rows))
-    return pa.concat_arrays([usual, words]).take(pa.array(at))
+    texts += [f"{text}; {more}" if more else text for text, more in zip(words, also, strict=True)]
+    return pa.array(texts, pa.string()).take(pa.array(at))
 
 
-def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> pa.Array:
-    """`status.competing` of (n, ALTERNATIVES) roads and their P, words made once for each."""
+def _competing(edges: NDArray[Any], p: Array, roads: RoadMap) -> list[str]:
+    """`status.competing` of (n, ALTERNATIVES) roads and their P, titles made once for each."""
     row, rank = np.nonzero((edges != NO_EDGE) & ((p >= COUNTS) | (np.arange(p.shape[1]) < 2)))
-    road = pa.array(edges[row, rank]).dictionary_encode()
+    road = edges[row, rank].tolist()
     cents = np.rint(100.0 * p[row, rank]).astype(np.int64)  # as two decimals are rounded
-    competitors = pc.binary_join_element_wise(
-        _titles(road.dictionary, roads).take(road.indices), _shares().take(pa.array(cents)), " "
-    )
-    ends = np.searchsorted(row, np.arange(len(edges) + 1)).astype(np.int32)
-    return pc.binary_join(pa.ListArray.from_arrays(pa.array(ends), competitors), " or ")
-
-
-def _titles(edge: pa.Array, roads: RoadMap) -> pa.Array:
-    """`status.title` of (n,) edges."""
-    on = pc.greater_equal(edge, 0)
-    number = pc.binary_join_element_wise("edge", edge.cast(pa.string()), " ")
-    street = roads.names(np.maximum(edge.to_numpy(), 0))
-    named = pc.binary_join_element_wise(street, number, ", ", null_handling="skip")
-    return pc.if_else(on, named, title(OFF_ROAD, lambda _: None))
+    known = list(dict.fromkeys(road))
+    street = dict(zip(known, roads.names(np.maximum(known, 0)), strict=True)) if known else {}
+    titles = {edge: title(edge, street.get) for edge in known}
+    words = [f"{titles[e]} {_SHARES[c]}" for e, c in zip(road, cents.tolist(), strict=True)]
+    ends = np.searchsorted(row, np.arange(len(edges) + 1)).tolist()
+    return [" or ".join(words[begin:end]) for begin, end in pairwise(ends)]
 
 
 def _disbelieved(epochs: Records, v: Estimates, first: Sequence[int]) -> Array:

@@ -20,6 +20,7 @@ from ..observations import Array
 from ..ragged import row_and_place
 from ..roadmap import RoadMap
 from ..roadmap.edge_tables import on_sources
+from ..roadmap.source_places import on_source
 from ..sensors.gnss import ellipse
 from .estimates import HH, XX, XY, YY, Estimates, columns_of, distinct, reasons
 from .schema import ATTRIBUTES, PATH, POINTS, line_wkb, times
@@ -43,10 +44,6 @@ def _statuses() -> pa.Array:
     return pa.array(STATUS)
 
 
-def _nullable(values: Array, absent: NDArray[np.bool_]) -> pa.Array:
-    return pa.array(values, mask=absent if absent.any() else None)
-
-
 def points_table(
     drive_id: str | Sequence[str], epochs: Records, output: Output, roads: RoadMap, *,
     attributes: bool = False, first: Sequence[int] = (0,),
@@ -65,12 +62,12 @@ def points_table(
         A table with the columns of `tables.schema.POINTS`.
     """
     names = [drive_id] if isinstance(drive_id, str) else drive_id
-    plane, v = roads.plane, columns_of(output)
+    plane, v, n = roads.plane, columns_of(output), len(epochs)
     none = v.live == 0
     places = plane.to_geodetic(  # in one call: of short drives each takes as long as its rows
         np.concatenate([v.x, v.map_x, v.match_x]), np.concatenate([v.y, v.map_y, v.match_y])
     )
-    (lat, map_lat, match_lat), (lon, map_lon, match_lon) = (np.split(c, 3) for c in places)
+    (lat, map_lat, match_lat), (lon, map_lon, match_lon) = (c.reshape(3, n) for c in places)
     turn = plane.convergence(v.x, v.y)
     bearing = bearing_of(v.heading - turn, 0.0)
     c, s = np.cos(turn), np.sin(turn)  # plane axes back to east and north
@@ -81,44 +78,46 @@ def points_table(
     major, minor, axis = ellipse(ee, en, nn)
     off = none | (v.edge < 0)
     edge, s = np.where(off, 0, v.edge), np.where(off, 0.0, v.s)
-    source, forward = _sources(roads, edge, s, off)
-    place = roads.on_source(edge, s)
+    piece = roads.piece(edge, s)
+    off, none = (absent if absent.any() else None for absent in (off, none))
+    source, forward = _sources(roads, piece, off)
+    place = on_source(roads, edge, piece, s)
     columns = {
-        "drive_id": _repeated(names, np.diff(first, append=len(epochs))),
+        "drive_id": _repeated(names, np.diff([*first, n])),
         "time": times(epochs.time),
-        "lat": _nullable(lat, none),
-        "lon": _nullable(lon, none),
-        "bearing_deg": _nullable(bearing, none),
-        "speed_mps": _nullable(v.speed, none),
-        "cov_ee_m2": _nullable(ee, none),
-        "cov_en_m2": _nullable(en, none),
-        "cov_nn_m2": _nullable(nn, none),
-        "sigma_bearing_deg": _nullable(degrees(np.sqrt(np.maximum(v.cov[HH], 0))), none),
-        "ellipse_major_m": _nullable(major, none),
-        "ellipse_minor_m": _nullable(minor, none),
-        "ellipse_bearing_deg": _nullable(axis_bearing_of(axis, 0.0), none),
+        "lat": pa.array(lat, mask=none),
+        "lon": pa.array(lon, mask=none),
+        "bearing_deg": pa.array(bearing, mask=none),
+        "speed_mps": pa.array(v.speed, mask=none),
+        "cov_ee_m2": pa.array(ee, mask=none),
+        "cov_en_m2": pa.array(en, mask=none),
+        "cov_nn_m2": pa.array(nn, mask=none),
+        "sigma_bearing_deg": pa.array(degrees(np.sqrt(np.maximum(v.cov[HH], 0))), mask=none),
+        "ellipse_major_m": pa.array(major, mask=none),
+        "ellipse_minor_m": pa.array(minor, mask=none),
+        "ellipse_bearing_deg": pa.array(axis_bearing_of(axis, 0.0), mask=none),
         "edge_id": pa.array(v.edge.astype(np.int64), mask=off),
         "source_id": source,
         "forward": forward,
-        "abscissa_m": _nullable(v.s, off),
-        "lateral_m": _nullable(v.lateral, off),
-        "matched_lat": _nullable(match_lat, off),
-        "matched_lon": _nullable(match_lon, off),
-        "map_lat": _nullable(map_lat, none),
-        "map_lon": _nullable(map_lon, none),
-        "p_road": _nullable(v.p_edge, none),
-        "p_way": _nullable(v.p_way, none),
-        "p_off_road": _nullable(v.p_off_road, none),
+        "abscissa_m": pa.array(v.s, mask=off),
+        "lateral_m": pa.array(v.lateral, mask=off),
+        "matched_lat": pa.array(match_lat, mask=off),
+        "matched_lon": pa.array(match_lon, mask=off),
+        "map_lat": pa.array(map_lat, mask=none),
+        "map_lon": pa.array(map_lon, mask=none),
+        "p_road": pa.array(v.p_edge, mask=none),
+        "p_way": pa.array(v.p_way, mask=none),
+        "p_off_road": pa.array(v.p_off_road, mask=none),
         "status": _statuses().take(pa.array(v.status)),
         "reason": reasons(epochs, v, roads, first),
         "alternatives": _alternatives(v),
-        "protection_level_m": _nullable(v.protection_level, none),
-        "level_along_m": _nullable(v.level_along.astype(float), none),
-        "level_across_m": _nullable(v.level_across.astype(float), none),
-        "gnss_scale": _nullable(v.gnss_scale, none | (v.gnss_scale == 0.0)),
-        "map_scale": _nullable(v.map_scale, none),
-        "source_m": _nullable(place.m, off),
-        "source_share": _nullable(place.share, off),
+        "protection_level_m": pa.array(v.protection_level, mask=none),
+        "level_along_m": pa.array(v.level_along.astype(float), mask=none),
+        "level_across_m": pa.array(v.level_across.astype(float), mask=none),
+        "gnss_scale": pa.array(v.gnss_scale, mask=(v.live == 0) | (v.gnss_scale == 0.0)),
+        "map_scale": pa.array(v.map_scale, mask=none),
+        "source_m": pa.array(place.m, mask=off),
+        "source_share": pa.array(place.share, mask=off),
     }
     table = pa.Table.from_arrays([columns[name] for name in POINTS.names], schema=POINTS)
     if attributes:
@@ -128,17 +127,21 @@ def points_table(
 
 
 def _sources(
-    roads: RoadMap, edge: NDArray[Any], s: Array, absent: NDArray[np.bool_]
+    roads: RoadMap, piece: NDArray[Any], absent: NDArray[np.bool_] | None = None
 ) -> tuple[pa.Array, pa.Array]:
-    """Source ids as text and directions; few streets differ, so each is asked for once."""
-    piece = pa.array(roads.piece(edge, s), mask=absent).dictionary_encode()
-    ids, forward = roads.drawn_as(piece.dictionary.to_numpy())
-    texts = pa.array(ids).cast(pa.string())
-    return texts.take(piece.indices), pa.array(forward).take(piece.indices)
+    """Source ids of `pieces` as text, and directions; rows on end share a street's text."""
+    new = np.ones(len(piece), bool)
+    new[1:] = piece[1:] != piece[:-1]
+    ids, forward = roads.drawn_as(piece[new])
+    texts = pa.array([None if one is None else str(one) for one in ids], pa.string())
+    if absent is None and len(texts) == len(piece):
+        return texts, pa.array(forward)
+    at = np.cumsum(new) - 1
+    return texts.take(pa.array(at, mask=absent)), pa.array(forward[at], mask=absent)
 
 
 def _attributes(
-    roads: RoadMap, edge: NDArray[Any], s: Array, absent: NDArray[np.bool_]
+    roads: RoadMap, edge: NDArray[Any], s: Array, absent: NDArray[np.bool_] | None
 ) -> dict[str, pa.Array]:
     """Those of the street at each place, as `source_id` is."""
     _, first, at = np.unique(roads.piece(edge, s), return_index=True, return_inverse=True)
@@ -180,57 +183,67 @@ def path_table(
     Returns:
         A table with the columns of `tables.schema.PATH`.
     """
-    count = np.diff(first if first is not None else [0, len(driven.edge)])
-    edges, enter, leave, rows = driven.edge, driven.enter_m, driven.exit_m, len(driven.edge)
-    source, forward = _sources(roads, edges, 0.5 * (enter + leave), np.zeros(rows, bool))
-    duration = driven.exit_time - driven.enter_time
+    rows, of_edges = len(driven), roads.arrays.edges.view(np.ndarray)
+    driven = driven.view(np.ndarray)  # of which a field is had at once
+    edges, enter, leave = driven["edge"], driven["enter_m"], driven["exit_m"]
+    count = np.diff([0, rows] if first is None else first)
+    piece = roads.piece(edges, 0.5 * (enter + leave))
+    source, forward = _sources(roads, piece)
+    duration = driven["exit_time"] - driven["enter_time"]
     passed = duration > 0.0
     speed = np.divide(leave - enter, duration, out=np.zeros(rows), where=passed)
-    of_edges = roads.arrays.edges
     columns = {
         "drive_id": _repeated(names, count),
         "seq": pa.array(row_and_place(count)[1]),
         "edge_id": pa.array(edges, pa.int64()),
         "source_id": source,
-        "from_node": pa.array(of_edges.from_node[edges].astype(np.int64)),
-        "to_node": pa.array(of_edges.to_node[edges].astype(np.int64)),
+        "from_node": pa.array(of_edges["from_node"][edges].astype(np.int64)),
+        "to_node": pa.array(of_edges["to_node"][edges].astype(np.int64)),
         "forward": forward,
-        "enter_time": times(driven.enter_time),
-        "exit_time": times(driven.exit_time),
+        "enter_time": times(driven["enter_time"]),
+        "exit_time": times(driven["exit_time"]),
         "enter_m": pa.array(enter),
         "exit_m": pa.array(leave),
         "duration_s": pa.array(duration),
-        "mean_speed_mps": _nullable(speed, ~passed),
-        "p": pa.array(driven.p),
-        "p_route": pa.array(driven.p_route),
+        "mean_speed_mps": pa.array(speed, mask=~passed),
+        "p": pa.array(driven["p"]),
+        "p_route": pa.array(driven["p_route"]),
         "broken_rule": _broken(driven),
-        **on_sources(roads, edges.astype(np.int64), enter, leave),
-        "geometry": _lines(edges, enter, leave, roads),
+        **on_sources(roads, edges, piece, enter, leave),
+        "geometry": (_lines if len(count) == 1 else _shared_lines)(edges, enter, leave, roads),
     }
     return pa.Table.from_arrays([columns[name] for name in PATH.names], schema=PATH)
 
 
 def _lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> pa.Array:
-    """Edges as they were driven, as WKB; an edge that several drove as a whole is drawn once."""
-    rows = len(edges)
-    if not rows:
+    """Edges as they were driven, as WKB."""
+    if not len(edges):
         return pa.array([], pa.binary())
-    whole = (enter <= 0.0) & (leave >= roads.arrays.edges.length[edges])
-    key = np.where(whole, edges, len(roads) + np.arange(rows))
-    one, at = distinct(key)
-    x, y, vertex = roads.edge_lines(edges[one], enter[one], leave[one])
+    x, y, vertex = roads.edge_lines(edges, enter, leave)
     lat, lon = roads.plane.to_geodetic(x, y)
-    return line_wkb(lon, lat, vertex).take(pa.array(at))
+    return line_wkb(lon, lat, vertex)
+
+
+def _shared_lines(edges: NDArray[Any], enter: Array, leave: Array, roads: RoadMap) -> pa.Array:
+    """The same; an edge that several drives drove as a whole is drawn once."""
+    whole = (enter <= 0.0) & (leave >= roads.arrays.edges["length"][edges])
+    key = np.where(whole, edges, len(roads) + np.arange(len(edges)))
+    one, at = distinct(key)
+    return _lines(edges[one], enter[one], leave[one], roads).take(pa.array(at))
 
 
 def _repeated(names: Sequence[str], count: NDArray[Any]) -> pa.Array:
     """Each name, repeated as often as given."""
+    if len(names) == 1:
+        return pa.repeat(pa.scalar(names[0], pa.string()), count[0])
     return pa.array(names, pa.string()).take(pa.array(np.repeat(np.arange(len(names)), count)))
 
 
-def _broken(driven: Traversals) -> pa.Array:
+def _broken(driven: NDArray[Any]) -> pa.Array:
     """Names of the rules that driving each edge broke, or `gap`, or None."""
-    rules = np.where(driven.gap, _GAP, driven.rules)
+    rules = np.where(driven["gap"], _GAP, driven["rules"])
+    if not rules.any():
+        return pa.nulls(len(rules), pa.string())
     one, at = distinct(rules)
     words = [_rule_names(int(b)) for b in rules[one]]
     return pa.array(words, pa.string()).take(pa.array(at))

@@ -149,7 +149,7 @@ _WKB_HEAD = np.dtype([("order", "u1"), ("type", "<u4"), ("count", "<u4")])
 
 def times(seconds: NDArray[np.float64]) -> pa.Array:
     """Turn seconds since 1970 UTC, shape (n,), into timestamps of microseconds."""
-    return pa.array(np.round(seconds * 1e6).astype(np.int64)).cast(TIME)
+    return pa.array(np.round(seconds * 1e6).astype(np.int64)).view(TIME)
 
 
 def seconds_of(column: pa.ChunkedArray) -> NDArray[np.float64]:
