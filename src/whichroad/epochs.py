@@ -54,7 +54,8 @@ class Timeline:
     @property
     def interval(self) -> float:
         """Median of the seconds between epochs that are not filled; 0 where there is but one."""
-        steps = np.sort(np.diff(self.epochs.time[self.epochs.filled == 0]))
+        rows = self.epochs.view(np.ndarray)  # of which a field is had at once
+        steps = np.sort(np.diff(rows["time"][rows["filled"] == 0]))
         n = len(steps)
         return float(0.5 * (steps[(n - 1) // 2] + steps[n // 2])) if n else 0.0
 
@@ -194,7 +195,9 @@ def _made(fixes: Fixes) -> NDArray[np.bool_]:
 
 def is_interpolated(epochs: Records) -> bool:
     """Whether epochs of a drive wait as their places were interpolated, not repeated."""
-    at = np.flatnonzero(epochs.filled[1:]) + 1
+    at = np.flatnonzero(epochs["filled"][1:]) + 1
+    if not len(at):
+        return False
     return bool((epochs.fix[at, :2] != epochs.fix[at - 1, :2]).any())
 
 
@@ -278,14 +281,16 @@ def epochs_of_fixes(
         One epoch for each fix, and (d,) of which drives they are: False where fixes are too
         close to be epochs of their own.
     """
-    apart = np.diff(fixes.time, prepend=-np.inf) > _SAME
+    apart = np.ones(len(fixes), bool)
+    apart[1:] = np.diff(fixes.time) > _SAME
     apart[first] = True
     epochs = new_epochs(len(fixes))
-    epochs.time, epochs.has_fix = fixes.time, 1
-    epochs.speed, epochs.speed_sigma = fixes.speed, fixes.sigma_speed
-    epochs.fix, epochs.course, epochs.course_sigma = fix_rows(fixes, plane)
-    gaps = filled_gaps(epochs.time, epochs.fix[:, :2], epochs.fix[:, 2], first)
-    epochs.filled = gaps | _made(fixes)
+    rows = epochs.view(np.ndarray)
+    rows["time"], rows["has_fix"] = fixes.time, 1
+    rows["speed"], rows["speed_sigma"] = fixes.speed, fixes.sigma_speed
+    fix, rows["course"], rows["course_sigma"] = fix_rows(fixes, plane)
+    rows["fix"] = fix
+    rows["filled"] = filled_gaps(fixes.time, fix[:, :2], fix[:, 2], first) | _made(fixes)
     return epochs, np.logical_and.reduceat(apart, first) if len(first) else apart[:0]
 
 

@@ -137,11 +137,13 @@ def localize_recorded(
             track.states.append(states_of(belief, timeline.sensors, int(epochs.gyro[done - 1])))
         if progress is not None:
             progress(done)
-    vetting = copied(belief.state)[0].vetting
+    state = copied(belief.state).view(np.ndarray)  # of which a field is had at once
+    vetting = state["vetting"].view(np.recarray)[0]
     if is_interpolated(epochs):  # a reader has said so
         vetting.repeats.seconds = 0.0
-    further = further_findings(timeline.sensors, belief.state.sensors[0])
-    counts = readings_of(timeline.sensors, belief.state.sensors[0])
+    heard = state["sensors"][0]
+    further = further_findings(timeline.sensors, heard)
+    counts = readings_of(timeline.sensors, heard)
     off = map_error_of(belief, settings, roads.plane)
     shifted = timeline.delay - timeline.late
     fit = partial(
@@ -156,8 +158,8 @@ def localize_recorded(
         # settings are not judged by sensors that are wrong
         return (*further, *tick_findings(timeline.tick), *(withheld or fit()))
 
-    heaviest, evidence = heaviest_chain(path, belief), float(belief.state.log_evidence[0])
-    if lag is None or not history.count[0].steps:
+    heaviest, evidence = heaviest_chain(path, belief), float(state["log_evidence"][0])
+    if lag is None or not history.count["steps"][0]:
         workspace.give_back()
         return Recorded(
             output, heaviest, diagnose, None, evidence, counts, track, off, withheld, further
@@ -281,7 +283,7 @@ def begin_paper(
 
 def _check_start(timeline: Timeline, start: StartPose | str | None, more: str) -> None:
     """Refuse a drive that nothing can start."""
-    if start is None and not timeline.epochs.has_fix.any():
+    if start is None and not timeline.epochs["has_fix"].any():
         raise DriveError(
             "the drive has no usable GNSS fix; at least one, or a start pose, was expected; "
             f"give start=(lat, lon, bearing){', ' if more else ''}{more}"

@@ -106,7 +106,7 @@ class Workspace:
 def entries_of(path: Path) -> Path:
     """The entries in use, as arrays of their own."""
     size = max(int(path.size[0]), 1)
-    return Path(copied(path.entry[:size]), path.size.copy())
+    return Path(_first(path.entry, size), path.size.copy())
 
 
 def without_states(history: History) -> History:
@@ -116,7 +116,12 @@ def without_states(history: History) -> History:
     """
     steps, nodes, links = history.count[0].tolist()
     return History(
-        copied(history.steps[:steps]), copied(history.nodes[:nodes]), history.states[:0].copy(),
-        copied(history.links[:links]), copied(history.since), copied(history.reference),
+        _first(history.steps, steps), _first(history.nodes, nodes), history.states[:0].copy(),
+        _first(history.links, links), copied(history.since), copied(history.reference),
         copied(history.count),
     )  # fmt: skip
+
+
+def _first(table: Records, rows: int) -> Records:
+    """The first rows of a table, as an array of their own."""
+    return copied(table.view(np.ndarray)[:rows])

@@ -46,8 +46,10 @@ def map_error_of(belief: Belief, settings: Settings, plane: Plane) -> MapError |
         plane: The map's.
     """
     state = belief.state[0]
+    if state["mode"] != WHEELS:
+        return None
     learnt = state.map
-    if state.mode != WHEELS or learnt.moments[0] <= 0.0:
+    if learnt.moments[0] <= 0.0:
         return None
     x, y = float(learnt.whole[0]), float(learnt.whole[1])
     at = belief.hyp[most_probable(belief)].mu

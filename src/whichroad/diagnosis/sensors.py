@@ -46,10 +46,10 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
         moved: s by which the odometry of a recorded drive was put on the clock of the fixes.
     """
     found = []
-    delay = moved + found_delay(vetting.latency)
+    delay = moved + found_delay(vetting["latency"])
     if abs(delay) > _LATE:
         found.append(clock_finding(delay, _LATE))
-    seconds = vetting.seconds.tolist()
+    seconds = vetting["seconds"].tolist()
     if seconds[ARC] >= _LEAST:
         found.append(_distance(vetting))
     elif seconds[_IMPOSSIBLE] >= _LEAST_IMPOSSIBLE:
@@ -62,14 +62,15 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
                 "yaw rate's unit",
             )
         )  # fmt: skip
-    ways = vetting.wheel_size.scale
-    if abs(ways.factor - 1.0) > _SIZE or abs(ways.factor * ways.rate - 1.0) > _LEARNT_SIZE:
+    ways = vetting["wheel_size"]["scale"]
+    factor, rate = float(ways["factor"]), float(ways["rate"])
+    if abs(factor - 1.0) > _SIZE or abs(factor * rate - 1.0) > _LEARNT_SIZE:
         found.append(_scale(ways))
-    if abs(vetting.turn_size.scale.factor - 1.0) > _TURNS:
+    if abs(vetting["turn_size"]["scale"]["factor"] - 1.0) > _TURNS:
         found.append(_turn_scale(vetting))
-    if vetting.turnabouts > 0:
+    if vetting["turnabouts"] > 0:
         found.append(_column(BACKWARDS))
-    if vetting.unturned >= _UNTURNED:
+    if vetting["unturned"] >= _UNTURNED:
         found.append(_column(TURNLESS))
     if seconds[TURN] >= _LEAST:
         found.append(_turns(vetting))
@@ -77,7 +78,7 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
         found.append(_speed(vetting))
     if seconds[COURSE] >= _LEAST:
         found.append(_course(vetting))
-    repeated = float(vetting.repeats.seconds)
+    repeated = float(vetting["repeats"]["seconds"])
     if repeated >= _LEAST:
         found.append(
             Finding(

@@ -74,19 +74,20 @@ def heaviest_chain(path: Path, belief: Belief) -> Chain:
     Returns:
         The edges.
     """
-    n = int(belief.state[0].count)
+    hyp, entries = belief.hyp.view(np.ndarray), path.entry.view(np.ndarray)
+    n = int(belief.state["count"][0])
     if n == 0:
         return Chain(np.zeros(0, np.int32), np.zeros(0), np.zeros(0))
-    entry = int(belief.hyp.path_entry[int(np.argmax(belief.hyp.log_weight[:n]))])
-    found, parent = [], path.entry.parent
+    entry = int(hyp["path_entry"][int(np.argmax(hyp["log_weight"][:n]))])
+    found, parent = [], entries["parent"]
     while entry >= 0:
         found.append(entry)
         entry = int(parent[entry])
-    rows = path.entry[np.array(found[::-1], int)]
-    return Chain(
-        rows.edge.copy(), rows.time.copy(), rows.along.copy(), rows.share.astype(float),
-        rows.route.astype(float),
-    )  # fmt: skip
+    rows = np.array(found[::-1], int)
+    edge, time, along, share, route = (
+        entries[name][rows] for name in ("edge", "time", "along", "share", "route")
+    )
+    return Chain(edge, time, along, share.astype(float), route.astype(float))
 
 
 @dataclass(frozen=True, slots=True)

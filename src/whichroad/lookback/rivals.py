@@ -12,6 +12,7 @@ from ..filter.sparse.competitors import SHARPNESS
 from ..filter.sparse.driver import likely_excess
 from ..graph.network import Roads
 from ..graph.route_costs import MIN_FACTOR
+from ..ragged import row_and_place
 
 _DETOUR = 3.0  # longest route between unlinked edges, over their distance
 _MORE = 300.0  # m, added to that longest route
@@ -35,13 +36,10 @@ def follow(roads: Roads, before: NDArray[np.int32], after: NDArray[np.int32]) ->
     rows = np.flatnonzero((before >= 0) & (after >= 0))
     then, now = before[rows], after[rows]
     found[rows] = edges["opposite"][now] == then
-    turn, end = edges["first_turn"][then], edges["end_turn"][then]
-    going = turn < end
-    while going.any():
-        rows, now, turn, end = rows[going], now[going], turn[going], end[going]
-        found[rows] |= turns["edge"][turn] == now
-        turn = turn + 1
-        going = turn < end
+    first = edges["first_turn"][then]
+    row, place = row_and_place(edges["end_turn"][then] - first)
+    onto = turns["edge"][first[row] + place] == now[row]
+    found[rows[row[onto]]] = True
     return found
 
 

@@ -197,7 +197,7 @@ def smooth(past: Past, ctx: Context, buffers: SmootherBuffers | None = None) -> 
         An estimate of each epoch; those before the first estimate stay empty.
     """
     output = Output(copied(past.filtered.rows), past.filtered.alt_pose.copy())
-    if not past.history.count[0].steps:
+    if not past.history.count["steps"][0]:
         return output
     buffers = buffers or new_buffers()
     smooth_one = smooth_span.bind(
@@ -220,7 +220,7 @@ def spans_of(
         filtered: (n,) the filter's estimates.
         first: By what number its steps know the first epoch.
     """
-    steps = int(history.count[0].steps)
+    steps = int(history.count["steps"][0])
     if lag.length == 0.0:
         return []
     if math.isinf(lag.length):

@@ -25,14 +25,15 @@ def _improbable(driven: Traversals) -> NDArray[np.bool_]:
 
     Where a drive begins beside a junction, the heaviest chain may have begun on any of its roads.
     """
-    return np.asarray((driven.p < 0.5) & (driven.exit_m - driven.enter_m < _SHORT))
+    rows = driven.view(np.ndarray)  # of which a field is had at once
+    return np.asarray((rows["p"] < 0.5) & (rows["exit_m"] - rows["enter_m"] < _SHORT))
 
 
 def _begin(driven: Traversals) -> int:
     """The first edge of a path that it may begin with; it gets the time of those before it."""
     begins = np.flatnonzero(~_improbable(driven))
     begin = int(begins[0]) if len(begins) else 0
-    if not driven.gap[1 : begin + 1].any():
+    if begin and not driven.gap[1 : begin + 1].any():
         driven.enter_time[begin] = driven.enter_time[0]
     return begin
 
@@ -78,12 +79,15 @@ def without_glances(
     """
     if len(driven) < 3:
         return driven, first
-    edge = driven.edge.astype(np.int32)
+    rows = driven.view(np.ndarray)
+    edge, entered = rows["edge"].astype(np.int32), rows["entered"]
     lost = np.zeros(len(edge), bool)
-    lost[1:-1] = driven.entered[2:] - driven.entered[1:-1] <= _GLANCE
-    lost[1:-1] &= driven.left[1:-1] <= 0.0
+    lost[1:-1] = entered[2:] - entered[1:-1] <= _GLANCE
+    lost[1:-1] &= rows["left"][1:-1] <= 0.0
     lost[first[:-1][np.diff(first) > 0]] = lost[first[1:] - 1] = False
     at = np.flatnonzero(lost)
+    if not len(at):
+        return driven, first
     at = at[~follow(roads, edge[at], edge[at + 1])]
     at = at[follow(roads, edge[at - 1], edge[at + 1])]
     if not len(at):
@@ -113,15 +117,16 @@ def untimed(chains: Sequence[Chain]) -> tuple[Traversals, NDArray[np.int64]]:
         for k in (3, 4)
     )
     on = np.flatnonzero(edge != OFF_ROAD)
-    new = np.append(True, edge[on][1:] != edge[on][:-1])[: len(on)]
-    whose = np.searchsorted(bounds, on, side="right")
-    new[1:] |= whose[1:] != whose[:-1]
+    road, whose = edge[on], np.searchsorted(bounds, on, side="right")
+    new = np.ones(len(on), bool)
+    new[1:] = (road[1:] != road[:-1]) | (whose[1:] != whose[:-1])
     at = on[new]
     driven = records(len(at), TRAVERSAL)
-    driven.edge, driven.entered, driven.along = edge[at], entered[at], along[at]
+    rows = driven.view(np.ndarray)
+    rows["edge"], rows["entered"], rows["along"] = road[new], entered[at], along[at]
     before = np.minimum(np.append(at[1:], len(edge)), bounds[whose[new]]) - 1
-    driven.left = np.where(edge[before] == OFF_ROAD, along[before], 0.0)
-    driven.share, driven.route = share[at], route[at]
+    rows["left"] = np.where(edge[before] == OFF_ROAD, along[before], 0.0)
+    rows["share"], rows["route"] = share[at], route[at]
     return driven, np.searchsorted(at, bounds)
 
 
@@ -146,9 +151,12 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
     first_epochs(driven, epochs, first)
     broken_rules(roads, driven)
     estimates = output.rows
-    known = np.flatnonzero(estimates.live > 0)
+    known = np.flatnonzero(estimates["live"] > 0)
     last = int(known[-1]) if len(known) else len(epochs) - 1
     time_edges(roads, driven, first, epochs, estimates, last)
-    driven = driven[driven.p >= 0.0]
-    place_in_gaps(roads, driven, epochs, estimates)
-    return driven[_begin(driven) :]
+    timed = driven["p"] >= 0.0
+    driven = driven if timed.all() else driven[timed]
+    if epochs["filled"].any():
+        place_in_gaps(roads, driven, epochs, estimates)
+    begin = _begin(driven)
+    return driven[begin:] if begin else driven

@@ -45,9 +45,10 @@ def are_near(
         x, y = roads.plane.from_geodetic(lat_deg[some], lon_deg[some])
     else:
         x, y = at[some, 0], at[some, 1]
-    near[some] = _beside_full_cells(roads, x, y)
-    found = records(1, index.CANDIDATE)
-    for k in np.flatnonzero(~near[some]).tolist():
+    held = _beside_full_cells(roads, x, y)
+    near[some] = held
+    for k in np.flatnonzero(~held).tolist():
+        found = records(1, index.CANDIDATE)
         near[some[k]] = index.near(roads.arrays, float(x[k]), float(y[k]), NEAR, found) > 0
     return near
 
@@ -65,7 +66,7 @@ def fixes_outside(name: str, lat_deg: Array, lon_deg: Array, roads: RoadMap) -> 
         MapError: All of them are.
     """
     near = are_near(lat_deg, lon_deg, roads)
-    outside = int((~near).sum())
+    outside = len(near) - int(np.count_nonzero(near))
     if outside == len(near):
         raise MapError(_refusal(name, lat_deg, lon_deg, roads))
     return outside
@@ -200,16 +201,14 @@ def _text(away: float) -> str:
 
 def _beside_full_cells(roads: RoadMap, x: Array, y: Array) -> NDArray[np.bool_]:
     """Whether a segment touches the cell of each place, or one beside it: False is no answer."""
-    keys, size = roads.arrays.cell_key, float(roads.arrays.plane.cell_size[0])
-    held = np.zeros(len(x), np.bool_)
+    keys, size = roads.arrays.cell_key, float(roads.arrays.plane["cell_size"][0])
     if 2.0 * math.sqrt(2.0) * size > NEAR or not len(keys):  # a plane metre is a true one or less
-        return held
+        return np.zeros(len(x), np.bool_)
     column, row = (np.floor(v / size).astype(np.int64) for v in (x, y))
-    for side in (-1, 0, 1):
-        first = (column + side) * (2 * _HALF) + row + _HALF
-        at = np.searchsorted(keys, first - 1)
-        held |= (at < len(keys)) & (keys[np.minimum(at, len(keys) - 1)] <= first + 1)
-    return held
+    first = (column + np.arange(-1, 2)[:, None]) * (2 * _HALF) + row + _HALF  # of three columns
+    at = np.searchsorted(keys, first - 1)
+    held = (at < len(keys)) & (keys[np.minimum(at, len(keys) - 1)] <= first + 1)
+    return np.asarray(held.any(axis=0))
 
 
 def beyond(roads: RoadMap, lat_deg: Any, lon_deg: Any) -> Any:

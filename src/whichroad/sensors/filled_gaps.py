@@ -40,7 +40,8 @@ def filled_gaps(
         return wrong
     begins = np.zeros(n + 1, bool)
     begins[list(first)] = begins[n] = True
-    step = np.hypot(*np.diff(place, axis=0, prepend=place[:1]).T)
+    step = np.zeros(n)
+    step[1:] = np.hypot(*np.diff(place, axis=0).T)
     same = (step <= _SAME) & ~begins[:-1]
     last = np.flatnonzero(same & ~np.append(same[1:], False))  # repeats before another place
     last = last[~begins[last + 1]]
