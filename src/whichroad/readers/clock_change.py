@@ -75,8 +75,10 @@ def clock_changes(time: Array, zone: tzinfo | None) -> Array | None:
         (n,) s.  Above 0: the clocks go back by that to show the time again.  Below 0: they were
         put forward by that, and a time that they skipped is read as this one too.  None: all 0.
     """
+    if zone is None or isinstance(zone, timezone):
+        return None
     known = np.flatnonzero((time >= _WAIT) & (time < LATEST - _WAIT))
-    if zone is None or isinstance(zone, timezone) or not len(known):
+    if not len(known):
         return None
     low, high = float(time[known].min()), float(time[known].max())
     if high - low < _SEASON and _offset(low - _WAIT, zone) == _offset(high + _WAIT, zone):

@@ -53,9 +53,9 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
     notes: list[str] = []
     has_position = {"lat", "lon"} <= columns.keys()
     between = has_position and _speeds_between(columns)
-    odometry = _odometry(columns, between or not has_position, vehicle, skipped, notes)
-    gyro = _gyro(columns, skipped) if odometry is None else None
     has = {k for k, v in columns.items() if np.isfinite(v).any()}
+    odometry = _odometry(columns, has, between or not has_position, vehicle, skipped, notes)
+    gyro = _gyro(columns, skipped) if odometry is None else None
     notes += unused(has if gyro is None else has - {"yaw_rate"}, odometry)
     fixes = None
     if has_position:
@@ -121,6 +121,7 @@ def _covariance(
 
 def _odometry(
     columns: Columns,
+    has: Set[str],
     own_speed: bool,
     vehicle: Vehicle,
     skipped: Skipped,
@@ -128,11 +129,10 @@ def _odometry(
 ) -> OdometryLog | None:
     """The best odometry that the columns offer: counters, wheel speeds, yaw rate, distance.
 
-    A speed alone is one where it is the vehicle's own, not the receiver's.
+    A speed alone is one where it is the vehicle's own, not the receiver's.  `has` are the columns
+    that hold a number.
     """
-    time = columns["time"]
-    has = {name for name, values in columns.items() if np.isfinite(values).any()}
-    reversing = _reversing(columns)
+    time, reversing = columns["time"], _reversing(columns)
     if {"wheel_rl_ticks", "wheel_rr_ticks"} <= has:
         left, right = (time, columns["wheel_rl_ticks"]), (time, columns["wheel_rr_ticks"])
         counts = wheel_counts(left, right, vehicle, skipped, reversing=reversing, notes=notes)

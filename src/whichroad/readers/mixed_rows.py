@@ -33,30 +33,42 @@ def alternating(lat_deg: Array, lon_deg: Array, first: "Ints | tuple[int, ...]" 
     n = len(lat_deg)
     if n < _LONG:
         return np.zeros(max(n - 1, 0), np.bool_)
-    drive = np.repeat(np.arange(len(first)), np.diff(first, append=n))
-    rows = _on_end(lat_deg, lon_deg, drive, _LONG)
-    moved = distances(lat_deg, lon_deg)
+    drive = np.searchsorted(first, np.arange(n), side="right")
+    steps = metres_between(lat_deg[:-1], lon_deg[:-1], lat_deg[1:], lon_deg[1:])
+    moved = np.hypot(*steps)
+    rows = _on_end(*steps, moved, drive, _LONG)
     least = np.minimum(moved[:-1], moved[1:])
     lone = np.zeros(n, np.bool_)  # of the vehicle with fewer rows, or wrong
     lone[1:-1] = (least > _FAR) & (distances(lat_deg, lon_deg, 2) < _NEAR * least)
     few = np.flatnonzero(lone | np.append(lone[1:], False))
-    few = few[_on_end(lat_deg[few], lon_deg[few], drive[few], _LONGER)]
-    rows[few[lone[few]]] = True
+    if len(few) >= _LONGER:
+        lat, lon = lat_deg[few], lon_deg[few]
+        steps = metres_between(lat[:-1], lon[:-1], lat[1:], lon[1:])
+        few = few[_on_end(*steps, np.hypot(*steps), drive[few], _LONGER)]
+        rows[few[lone[few]]] = True
     return np.asarray((rows[:-1] | rows[1:]) & (drive[:-1] == drive[1:]))
 
 
-def _on_end(lat_deg: Array, lon_deg: Array, drive: NDArray[np.int64], least: int) -> Bools:
-    """Rows, of `least` on end, at which the way turns back and every other row leads on, (n,)."""
+def _on_end(
+    east: Array, north: Array, moved: Array, drive: NDArray[np.int64], least: int
+) -> Bools:  # fmt: skip
+    """Rows, of `least` on end, at which the way turns back and every other row leads on, (n,).
+
+    Args:
+        east: (n - 1,) m from each row to the next.
+        north: Likewise.
+        moved: Likewise, the whole way.
+        drive: (n,) of the rows, n ≥ `least`.
+        least: 5 at least.
+    """
     n = len(drive)
     found = np.zeros(n, np.bool_)
-    if n < _LONG:
-        return found
-    east, north = metres_between(lat_deg[:-1], lon_deg[:-1], lat_deg[1:], lon_deg[1:])
     with np.errstate(over="ignore", invalid="ignore"):  # places may be anything
-        moved = np.hypot(east, north)
         along = east[:-1] * east[1:] + north[:-1] * north[1:]
         turned = (along < _BACK * moved[:-1] * moved[1:]) & (drive[:-2] == drive[2:])
         turned &= np.minimum(moved[:-1], moved[1:]) > _FAR
+        if np.count_nonzero(turned) < least:  # as of most drives
+            return found
         east, north = east[:-1] + east[1:], north[:-1] + north[1:]  # over two rows
         moved = np.hypot(east, north)
         onward = east[:-2] * east[2:] + north[:-2] * north[2:] >= 0.0

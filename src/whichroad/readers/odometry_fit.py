@@ -82,7 +82,7 @@ def with_speed_notes(drive: Drive) -> Drive:
     fixes = drive.fixes
     if fixes is None or len(fixes) < _FEWEST:
         return drive
-    windows = windows_of(Track.of(fixes.time, fixes.lat_deg, fixes.lon_deg))
+    windows = windows_of(Track.of(fixes.time, fixes.lat_deg, fixes.lon_deg).apart())
     speed = np.where(np.isfinite(fixes.sigma_speed), fixes.speed, np.nan)
     ratios = speed_ratios(windows, fixes.time, speed)
     if not is_telling(ratios):

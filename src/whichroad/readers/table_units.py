@@ -81,7 +81,7 @@ def in_seconds(
             notes.append("times taken as a spreadsheet's days since 1899-12-30")
             time = from_serial(time, zone)
         else:
-            unit = fit.time_unit(_tracks(time, columns, trips)) or "s"
+            unit = fit.time_unit(_apart(_tracks(time, columns, trips))) or "s"
             if unit != "s":
                 notes.append(f"times taken as {unit} from a start, which fits the places")
             time = time * fit.TIME_UNITS[unit]
@@ -103,26 +103,24 @@ def check_motion(columns: Columns, trips: Sequence[Trip], notes: list[str], wher
     Raises:
         ReadError: It is so.
     """
-    time = columns["time"]
-    tracks = _tracks(time, columns, trips)
+    each = _tracks(columns["time"], columns, trips)
+    tracks = _apart(each)
     if fit.is_impossible(tracks):
         raise ReadError(
             f"{where}: by its times and places it moves at {fit.median_speed(tracks):,.0f} m/s; "
             "a vehicle was expected; are the times in seconds since 1970 or ISO 8601, and "
             "the places in degrees?"
         )
-    _check_jumps(time, columns, trips, notes, where)
+    _check_jumps(each, trips, notes, where)
     _check_mixed(tracks, where)
 
 
 def _check_jumps(
-    time: Array, columns: Columns, trips: Sequence[Trip], notes: list[str], where: str
+    tracks: Sequence[fit.Track], trips: Sequence[Trip], notes: list[str], where: str
 ) -> None:
     """Refuse rows of several vehicles as one drive; of several drives name those."""
-    if not {"lat", "lon"} <= columns.keys():
-        return
-    for name, rows in trips[:MOST]:
-        found = fit.jumps(time[rows], columns["lat"][rows], columns["lon"][rows])
+    for track, (name, _) in zip(tracks, trips, strict=False):  # as many as are looked at
+        found = fit.jumps(track)
         if len(found) < _FEWEST or np.mean(found) < _JUMPING:
             continue
         said = (
@@ -137,10 +135,14 @@ def _check_jumps(
 
 def _check_mixed(tracks: Sequence[fit.Track], where: str) -> None:
     """Refuse rows of two vehicles near each other as one drive; of several, each gets a note."""
-    for _, lat, lon in tracks if len(tracks) == 1 else ():
-        found = alternating(lat, lon)
+    for track in tracks if len(tracks) == 1 else ():
+        found = alternating(track.lat_deg, track.lon_deg)
         if len(found) and np.mean(found) >= REFUSED:
             raise ReadError(f"{where}: {said_of(found)}")
+
+
+def _apart(tracks: Sequence[fit.Track]) -> list[fit.Track]:
+    return [track.apart() for track in tracks]
 
 
 def _tracks(time: Array, columns: Columns, trips: Sequence[Trip]) -> list[fit.Track]:
@@ -167,7 +169,8 @@ def units_of(columns: Columns, found: Mapping[str, Column], trips: Sequence[Trip
     if {"lat", "lon"} <= columns.keys() and (
         named or any(q in (*_SPEEDS, "odometer") for q in bare)
     ):
-        windows = [fit.windows_of(track) for track in _tracks(columns["time"], columns, few)]
+        tracks = _apart(_tracks(columns["time"], columns, few))
+        windows = [fit.windows_of(track) for track in tracks]
         if named:
             asked.named_speed([w.short() for w in windows])
         for quantity in bare:

@@ -7,6 +7,8 @@ nothing is decided.
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -38,8 +40,9 @@ _ACROSS = 12.0  # m/s², lateral acceleration beyond what tyres hold
 _TURNING = 3.0  # rad/s, beyond what cars reach
 
 
-class Track(NamedTuple):
-    """Places of one drive, by increasing time."""
+@dataclass(frozen=True)
+class Track:
+    """Places of one drive, in the order of time."""
 
     time: Array  # (n,) s
     lat_deg: Array
@@ -47,12 +50,23 @@ class Track(NamedTuple):
 
     @classmethod
     def of(cls, time: Array, lat_deg: Array, lon_deg: Array) -> "Track":
-        """The rows that have a place and a time of their own, in order."""
+        """The rows that have a place and a time."""
         known = np.flatnonzero((np.abs(time) < 1e300) & is_place(lat_deg, lon_deg))
         known = known[np.argsort(time[known], kind="stable")]
-        new = np.diff(time[known], prepend=-np.inf) > 0.0
-        known = known[new]
         return cls(time[known], lat_deg[known], lon_deg[known])
+
+    def apart(self) -> "Track":
+        """The rows with a time of their own."""
+        later = self.time[1:] > self.time[:-1]
+        if later.all():
+            return self
+        new = np.append(True, later)
+        return Track(self.time[new], self.lat_deg[new], self.lon_deg[new])
+
+    @cached_property
+    def moved(self) -> Array:
+        """Metres from each place to the next, (n - 1,)."""
+        return distances(self.lat_deg, self.lon_deg)
 
 
 class Windows(NamedTuple):
@@ -207,7 +221,7 @@ def median_speed(tracks: Iterable[Track]) -> float:
     speeds = []
     for track in tracks:
         if len(track.time) > 1:
-            moved = distances(track.lat_deg, track.lon_deg)
+            moved = track.moved
             with np.errstate(over="ignore"):
                 speeds.append((moved / np.diff(track.time))[moved > 1.0])
     joined = np.concatenate(speeds) if speeds else np.empty(0)
@@ -219,14 +233,9 @@ def is_impossible(tracks: Sequence[Track]) -> bool:
     return sum(len(track.time) for track in tracks) > 2 and median_speed(tracks) > TOO_FAST
 
 
-def jumps(time: Array, lat_deg: Array, lon_deg: Array) -> Bools:
-    """Whether each fix, by time, is where no vehicle gets from the one before, (n - 1,)."""
-    known = np.flatnonzero((np.abs(time) < 1e300) & is_place(lat_deg, lon_deg))
-    known = known[np.argsort(time[known], kind="stable")]
-    if len(known) < 2:
-        return np.zeros(0, np.bool_)
-    moved = distances(lat_deg[known], lon_deg[known])
-    return np.asarray(moved > reachable(np.diff(time[known])))
+def jumps(track: Track) -> Bools:
+    """Whether each place is where no vehicle gets from the one before, (n - 1,)."""
+    return np.asarray(track.moved > reachable(np.diff(track.time)))
 
 
 def reachable(seconds: Array) -> Array:
