@@ -23,6 +23,7 @@ _MOVED = ("wheels", "yaw", "odometer")
 _THREE = (*_PLAIN, "odometer and Doppler")
 _ALONE = ("Doppler", "fixes")
 _NO_TURNS = ("odometer", "odometer and Doppler", "Doppler", "fixes")
+_SIGNS = ("wheels", "wheels without a sign", "yaw, speed without a sign", *_NO_TURNS[:2])
 
 Clock = Callable[[list[Heard], float], list[Heard]]  # of readings and the moment it goes wrong
 
@@ -160,6 +161,12 @@ SCENES: dict[str, list[Case]] = {
         Case("none", partial(scenes.gaps, cut=False), ("wheels", *_NO_TURNS)),
     ],
     "reversing": [_reversing(80.0, 5.0), _reversing(290.0, 3.5), _reversing(0.0, 0.0)],
+    "no sign": [
+        Case("out of a drive", scenes.backed_out, _SIGNS),
+        Case("three points", scenes.three_points, _SIGNS),
+        Case("80 m", partial(scenes.backwards, metres=80.0, cruise=3.0), _SIGNS),
+        Case("forwards", partial(scenes.backwards, metres=0.0, cruise=0.0), _SIGNS),
+    ],
     "coarse": [
         *(Case(f"{s:.0f} m", _LONG, ("wheels",), of_sigma(s, 5.0)) for s in (30.0, 60.0, 200.0)),
         Case("3 m", _LONG, ("wheels",), of_sigma(3.0, 5.0)),

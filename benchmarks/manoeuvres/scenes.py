@@ -10,6 +10,7 @@ from .motion import LANE, Motion, Stretch, drive, joined, path, standing
 from .streets import Plan
 
 _CRUISE = 11.0  # m/s
+_RADIUS_LEAST = 5.5  # m, of a turn in a narrow street
 _RADIUS, _SWING = 5.0, 3.5  # m, of a U-turn; right of the middle where it begins
 _YARD, _ASIDE = 75.0, 14.0  # m, into the yard, between its ways in and out
 _CUTS = (0.0, 0.0, 0.6, 1.5, 3.0)  # m, by which an end of a street is drawn short
@@ -93,6 +94,52 @@ def backwards(random: np.random.Generator, metres: float, cruise: float) -> Plan
     last = _line((cross, 0), (cross, -240)) if aside else _line((max(begin, cross), 0), (495, 0))
     on.append(Stretch(4 if aside else 2, last))
     return Plan(lines, joined(motion, drive(path(on, random), _CRUISE)))
+
+
+def backed_out(random: np.random.Generator) -> Plan:
+    """Backwards out of a drive that the map lacks, on to a street, and on along it."""
+    x = random.uniform(300.0, 400.0)
+    lines = [
+        _line((0, 0), (800, 0)), _line((800, 0), (800, 300)), _line((0, 0), (0, 300)),
+        *_prolonged(800.0),
+    ]  # fmt: skip
+    deep = random.uniform(12.0, 25.0)
+    tail = _line((x, -deep), (x, -8), (x - 1, -5), (x - 4, -2.5), (x - 8, -LANE), (x - 14, -LANE))
+    back = drive(path([Stretch(0, tail, 0.0)], random, 1.0, 1.0, 0.0), 2.0, backwards=True)
+    last = [Stretch(0, _line((x - 14, 0), (800, 0))), Stretch(2, _line((800, 0), (800, 290)))]
+    away = drive(path(last, random), _CRUISE)
+    return Plan(lines, joined(standing(_at_start(back), 20.0), back, away))
+
+
+def three_points(random: np.random.Generator) -> Plan:
+    """Round within a narrow street: across it, backwards, and off the other way."""
+    end = 700.0
+    lines = [_line((0, 0), (end, 0)), _line((end, 0), (end, 300)), _line((0, 0), (0, 300))]
+    lines += _prolonged(end)
+    x = random.uniform(300.0, 500.0)
+    across = np.vstack([_line((5, -LANE), (x, -LANE)), _bow((x, 3.75), -90.0, -20.0)])
+    tail = _bow((x + 10.3, 0.0), 160.0, 220.0)
+    off = np.vstack([_bow((x + 1.9, -7.1), 40.0, 90.0), _line((x - 12, LANE), (5, LANE))])
+    aside = _line((5, LANE), (LANE, 8), (LANE, 290))
+    legs = [
+        drive(path([Stretch(0, across, 0.0)], random, 1.0, 0.5, 0.0), _CRUISE),
+        drive(path([Stretch(0, tail, 0.0)], random, 0.5, 0.5, 0.0), 1.5, backwards=True),
+        drive(path([Stretch(1, off, 0.0), Stretch(4, aside, 0.0)], random, 1.0, 1.0, 0.0), _CRUISE),
+    ]
+    return Plan(lines, joined(*legs))
+
+
+def _bow(middle: tuple[float, float], begin: float, end: float) -> np.ndarray:
+    """An arc about a point, between two directions in degrees."""
+    angle = np.radians(np.linspace(begin, end, 13))
+    return np.column_stack([np.cos(angle), np.sin(angle)]) * _RADIUS_LEAST + middle
+
+
+def _at_start(leg: Motion) -> Motion:
+    """A vehicle at rest where a leg begins."""
+    return Motion(
+        *(column[:2] for column in (leg.time, leg.x, leg.y, leg.heading, leg.rolled, leg.code))
+    )
 
 
 def town(random: np.random.Generator, turns: int = 25) -> Plan:

@@ -7,6 +7,7 @@ takes on line, each with the moment at which it comes.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -102,9 +103,10 @@ def _with_doppler(
 
 
 def wheel_ticks(
-    motion: Motion, random: np.random.Generator, factor: np.ndarray | float = 1.0
-) -> list[Heard]:
-    """Counters of both rear wheels, backwards down; `factor` is what they count too much, (n,)."""
+    motion: Motion, random: np.random.Generator, factor: np.ndarray | float = 1.0,
+    signed: bool = True,
+) -> list[Heard]:  # fmt: skip
+    """Counters of both rear wheels, backwards down if `signed`; `factor`: they count more, (n,)."""
     metres = np.diff(motion.rolled, prepend=motion.rolled[0])
     turn = np.diff(motion.heading, prepend=motion.heading[0])
     both, uneven = 1.0 + _SCALE * random.normal(), _UNEVEN * random.normal()
@@ -113,6 +115,7 @@ def wheel_ticks(
     for sign in (-1.0, 1.0):
         rolled = (metres + sign * 0.5 * TRACK * turn) * both * (1.0 + 0.5 * sign * uneven) * factor
         rolled += _SLIP * np.sqrt(np.abs(metres)) * random.normal(size=len(metres))
+        rolled = rolled if signed else np.abs(rolled)
         counts.append(np.floor(np.interp(time, motion.time, np.cumsum(rolled)) / PER_TICK))
     rows = zip((START + time).tolist(), *(c.tolist() for c in counts), strict=True)
     return [Heard(t, WheelTicks(t, left, right)) for t, left, right in rows]
@@ -127,8 +130,8 @@ def distances(motion: Motion, random: np.random.Generator) -> list[Heard]:
     return [Heard(t, Distance(t, metres)) for t, metres in rows]
 
 
-def yaw_rates(motion: Motion, random: np.random.Generator) -> list[Heard]:
-    """Speed, backwards negative, and a yaw rate with a bias."""
+def yaw_rates(motion: Motion, random: np.random.Generator, signed: bool = True) -> list[Heard]:
+    """Speed, backwards negative if `signed`, and a yaw rate with a bias."""
     time = times(motion, _PERIOD, random)
     n = len(time)
     ends = time[:, None] + 0.5 * _PERIOD * np.array([-1.0, 1.0])
@@ -138,6 +141,7 @@ def yaw_rates(motion: Motion, random: np.random.Generator) -> list[Heard]:
     )
     speed = metres * (1.0 + _SCALE * random.normal())
     speed += _SPEED_NOISE * random.normal(size=n) * (np.abs(metres) > 0.1)
+    speed = speed if signed else np.abs(speed)
     bias = _BIAS * random.normal() + _WALK * math.sqrt(_PERIOD) * np.cumsum(random.normal(size=n))
     turn += bias + _WHITE * random.normal(size=n)
     rows = zip((START + time).tolist(), speed.tolist(), turn.tolist(), strict=True)
@@ -149,6 +153,8 @@ Odometry = Callable[[Motion, np.random.Generator], list[Heard]]
 SUITES: dict[str, tuple[Odometry | None, bool]] = {
     "wheels": (wheel_ticks, False),
     "yaw": (yaw_rates, False),
+    "wheels without a sign": (partial(wheel_ticks, signed=False), False),
+    "yaw, speed without a sign": (partial(yaw_rates, signed=False), False),
     "odometer": (distances, False),
     "odometer and Doppler": (distances, True),
     "Doppler": (None, True),

@@ -62,7 +62,7 @@ class WheelCounts:
 class WheelSpeeds:
     """Speeds of the rear wheels, negative in reverse.
 
-    Without a sign, 50 m backwards are 50 m forwards to the filter: the pose is some 60 m off then.
+    Without a sign it takes some metres of fixes to tell who backs up (`filter.hypotheses.no_sign`).
     """
 
     time: Array

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from .._compile import kernel
+from .._compile import Record, kernel
 from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
 from ..graph.network import is_at_node
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
@@ -17,6 +17,7 @@ from .hypotheses.branching import (
     run_on,
     share_beyond,
 )
+from .hypotheses.no_sign import own_arc
 from .motion import ACROSS, Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
 from .state import (
@@ -140,6 +141,14 @@ def _pass_beyond(
 
 
 @kernel(inline=True)
+def _move_straight(belief: Belief, hyp: Record, odometer: float, noise: Noise) -> None:
+    """Move a hypothesis off the roads."""
+    own = own_arc(hyp, odometer)
+    move = Increment(own, 0.0, own, 0.0, own)
+    predict_plane(hyp.mu, hyp.cov, move, belief.state[0].scale, noise)
+
+
+@kernel(inline=True)
 def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
 
@@ -167,9 +176,10 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         lateral, tx, ty = hyp.lateral, hyp.tangent[0], hyp.tangent[1]
         begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
         cov = hyp.cov
-        s = begin + odometer * hyp.mu[K]
+        own = own_arc(hyp, odometer)
+        s = begin + own * hyp.mu[K]
         cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
-        variance = hyp.along_sigma**2 + odometer * (2.0 * cross + odometer * cov[K, K])
+        variance = hyp.along_sigma**2 + own * (2.0 * cross + own * cov[K, K])
         sigma = math.sqrt(max(variance + noise.along, 1e-4))
         hyp.bound = min(s + (hyp.bound - begin) * sigma / hyp.along_sigma, NO_BOUND)
         hyp.along_sigma = sigma
@@ -184,7 +194,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         if after < 0 and s + 6.0 * sigma > length:
             now = min(normal_cdf((length - s) / sigma), now)
         share = float(share_beyond(belief, ctx, hyp, now, BRANCH_THRESHOLD))
-        to = Advance(odometer, s, sigma, lateral, tx, ty, begin)
+        to = Advance(own, s, sigma, lateral, tx, ty, begin)
         if share > 0.0:
             changed = True
             _pass_beyond(belief, path, ctx, i, share, to, noise)
@@ -192,11 +202,10 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         _move_to(belief, ctx, i, to, noise, -NO_BOUND, NO_BOUND)
         hyp.bound += hyp.along - s
         hyp.p_not_passed = p_within(hyp)
-    straight = Increment(odometer, 0.0, odometer, 0.0, odometer)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
-            predict_plane(hyp.mu, hyp.cov, straight, belief.state[0].scale, noise)
+            _move_straight(belief, hyp, odometer, noise)
     return changed
 
 

@@ -36,6 +36,7 @@ _DISPUTED = 30.0  # s after a misfit, for which odometry that is found impossibl
 _SMOOTHING = 0.1  # s, time constant of the odometer's speed
 _DEPARTED = 0.5  # P that it has driven off while its odometer stood, from which on it starts anew
 _ROLLS = 0.5  # m/s, from which on a vehicle does not stand
+_BACKED = 5.0  # s since it may have backed up, for which clocks are not compared
 _HEADED = 0.1  # rad², variance of a heading by which fixes and odometry are compared
 _FAR = 5.0  # m beyond two sigmas, from which on a fix is not where the vehicle was thought
 
@@ -190,7 +191,8 @@ def _pass_pose(belief: Belief, par: Record) -> None:
     scale = state.vetting.wheel_size.scale
     latency.heading[1] = math.inf
     scale.rate_variance = math.inf
-    if state.mode == CLOCK or state.count == 0:
+    backs = state.time - state.direction.doubted < _BACKED
+    if state.mode == CLOCK or state.count == 0 or backs:
         return
     top = belief.hyp[most_probable(belief)]
     if top.cov[H, H] > _HEADED:

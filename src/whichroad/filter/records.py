@@ -123,6 +123,19 @@ GROSS = np.dtype(  # a fine receiver's error that may be a gross one, see `gnss.
     align=True,
 )
 
+DIRECTION = np.dtype(  # of odometry that may have no sign, see `hypotheses.no_sign`
+    [
+        ("has_sign", "u1"),  # 1: it has one, as it has counted down
+        ("any", "u1"),  # 1: some hypothesis may back up
+        ("starts", "u1"),  # 1: the vehicle has started once
+        ("back", "f8"),  # m counted down
+        ("rested", "f8"),  # s it has stood since it drove
+        ("metres", "f8"),  # m since the last start
+        ("doubted", "f8"),  # time, s, until which it may have backed up
+    ],
+    align=True,
+)
+
 SEPARATION = np.dtype(  # all of them, and how restless the receiver is
     [
         ("reckoned", RECKONED, (COPIES,)),

@@ -32,8 +32,8 @@ from .evidence.evidence_kinds import NO_EVIDENCE, SENSOR, SENSORS, Evidence
 from .lookback.path_tree import Path as Path
 from .lookback.path_tree import enter as enter
 from .lookback.path_tree import new_path as new_path
+from .records import DIRECTION, MAP_ERROR, RANKING, SEPARATION
 from .records import EPOCH as EPOCH
-from .records import MAP_ERROR, RANKING, SEPARATION
 from .records import Epochs as Epochs
 from .records import new_epochs as new_epochs
 from .sparse.driver import DRIVER, LEG, begin_leg
@@ -54,13 +54,11 @@ WRONG, BIASED = 1, 2  # what a hypothesis that has driven on regardless of a fix
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
 BESIDE_SIGMA = 20.0  # m, off the roads: sigma of the offset from a road that runs beside
-RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while
-RARE_FLOOR = 1e-3  # these, relative to the usual ones
-GRACE = 60.0  # m, for which they hold
+RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while:
+RARE_FLOOR, GRACE = 1e-3, 60.0  # relative to the usual ones; for so many m
 NO_BOUND = 1e9  # m, of a hypothesis that has passed nothing on
 
-CAPACITY = 160  # hypotheses, children of one epoch included
-KEPT = 48  # hypotheses that survive an epoch
+CAPACITY, KEPT = 160, 48  # hypotheses, children of one epoch included; that survive it
 
 HYPOTHESIS = np.dtype(
     [
@@ -91,6 +89,7 @@ HYPOTHESIS = np.dtype(
         ("corner", "i4"),  # edge along which it drove before it turns at its end, or NO_EDGE
         ("course", "i4"),  # off the roads: edge that it was last beside, NO_EDGE
         ("blames", "u1"),  # what it takes to be wrong: NOTHING, RECEIVER or MOTION
+        ("backs", "u1"),  # 1: it backs up, and odometry without a sign counts up (no_sign)
         ("new_edge", "u1"),  # 1: the edge was entered in this epoch, its path entry is due
         ("ignores", "u1"),  # WRONG: it takes this epoch's fix to say nothing; BIASED: to be far off
         ("leg", LEG),  # what it drove to the last fix, where that was sparse
@@ -109,6 +108,7 @@ FILTER = np.dtype(
         ("known_drift", "f8", (2,)),  # the same of b
         ("vetting", VETTING),  # which sensors are believed
         ("separation", SEPARATION),  # places by odometry alone (gnss.separation)
+        ("direction", DIRECTION),  # whether odometry has a sign
         ("still", STILL),  # whether fixes alone show that the vehicle stands (filter.standstill)
         ("sensors", SENSOR, (SENSORS,)),  # further ones (filter.evidence)
         ("ranking", RANKING),  # of the edges, in the last estimate
@@ -242,16 +242,16 @@ class Context(NamedTuple):
 
 def new_belief(lineage: bool = False, capacity: int = CAPACITY) -> Belief:
     """An empty belief; `lineage` where its history is stored (`filter.lookback.history`)."""
-    hyp = records(capacity, HYPOTHESIS)
+    hyp, state = records(capacity, HYPOTHESIS), records(1, FILTER)
     hyp.edge = hyp.before = hyp.corner = NO_EDGE
     hyp.along_sigma = hyp.p_not_passed = 1.0
     hyp.bound, hyp.path_entry = NO_BOUND, -1
-    state = records(1, FILTER)
     state.course_time = state.heading_time = -math.inf
-    usual = state[0].map
-    usual.factor = usual.local = usual.rate = usual.prior = usual.heading_factor = 1.0
+    known = state[0].map
+    known.factor = known.local = known.rate = known.prior = known.heading_factor = 1.0
     state[0].still.age = -1.0
-    state[0].separation.begun = state[0].separation.departure.since = -math.inf
+    state[0].direction.doubted = state[0].separation.begun = -math.inf
+    state[0].separation.departure.since = -math.inf
     state[0].separation.reckoned["begun"] = -math.inf
     clear(state[0].vetting)
     reports = state[0].reports
@@ -356,7 +356,7 @@ def blank(hyp: Record, edge: int, segment: int) -> None:
         hyp.tangent[k] = hyp.odds[k] = 0.0
         for a in range(3):
             hyp.ground[k, a] = 0.0
-    hyp.blames, hyp.ignores, hyp.new_edge = NOTHING, 0, 1
+    hyp.blames, hyp.ignores, hyp.new_edge, hyp.backs = NOTHING, 0, 1, 0
     forget_origin(hyp.origin)
     begin_leg(hyp.leg)
     hyp.path_entry, hyp.before, hyp.corner = -1, NO_EDGE, NO_EDGE

@@ -19,6 +19,7 @@ from .gnss.update import observe_fix, observe_standing
 from .gyro import rest
 from .hypotheses.births import exchange_off_road, turn_round, turn_with_heading
 from .hypotheses.branching import BRANCH_THRESHOLD, branch
+from .hypotheses.no_sign import consider_backing, mirrored
 from .hypotheses.reduction import reduce
 from .lookback.history import History, accumulate_motion, accumulate_noise, is_full, store
 from .map_error import learn_map
@@ -191,6 +192,7 @@ def _predict(
         return
     if epoch.gyro == BY_GYRO and state.motion == PLANE:
         rest(belief, epoch, dt)
+    consider_backing(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
         moving = 0.0 if state.motion == STAND else dt
         accumulate_motion(history, epoch, moving, state.speed, mode)
@@ -247,8 +249,10 @@ def _predict_wheels(
         if len(history.steps) > 0:
             accumulate_noise(history, move, q)
         if metres > 0.0 or move.turn != 0.0:  # else nothing moves
+            back = mirrored(move, epoch)
             for i in range(state.count):
-                predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, move, state.scale, q)
+                own = back if belief.hyp[i].backs == 1 else move
+                predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, own, state.scale, q)
         _count_motion(state, abs(epoch.arc) if heard_again else metres, dt / pieces)
     if is_alone(epoch):
         roam(belief, history, epoch, dt)

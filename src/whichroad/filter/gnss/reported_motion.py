@@ -9,6 +9,7 @@ import math
 from ..._compile import Record, kernel
 from ...graph.geometry import wrap
 from ..gaussian import log_density
+from ..hypotheses.no_sign import face_course
 from ..state import CLOCK, ROUTES, WHEELS, Belief, Context, H, K, redraw
 from .inflation import FILTERED
 from .position import has_course, observe_rate, observe_state
@@ -157,7 +158,9 @@ def observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> 
         behind = (latency_of(state, epoch.speed_sigma) - LATENCY) * state.turn_rate[1]
         variance = epoch.course_sigma**2 + 0.0025 + unknown * unknown + behind * behind
         variance *= thin
+        face_course(belief)
         observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
+        face_course(belief)
         state.course_time = epoch.time
     if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
         odometer_speed = abs(state.odometer_speed)

@@ -27,6 +27,7 @@ from .position import NU0, NU1, V00, V11, Axes
 _OF_SIDE = 1e-3  # of one for which a side is alive
 MOST_ODDS = 7.0  # logarithm of the odds up to which two sides live
 _OF_WEIGHT = 0.01  # of a hypothesis that is asked whether a fix fits
+_OF_BACKING = 1e-5  # the same, where it backs up on odometry without a sign
 _OF_TURNS = 0.3  # share of motion that is wrong in which turns are right; else
 _SCALED = 0.05  # by which its scale may be wrong
 _TURNED, _DRIFTED = 0.3, 0.02  # rad, rad/m by which they may be wrong
@@ -52,7 +53,10 @@ def fits_best(belief: Belief, axes: Axes, side: int) -> tuple[float, int]:
     found = 0
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
-        if hyp.weight < (_OF_WEIGHT if side < 0 else _OF_SIDE) or 0 <= side != hyp.blames:
+        least = _OF_WEIGHT if side < 0 else _OF_SIDE
+        if hyp.backs == 1:
+            least = _OF_BACKING
+        if hyp.weight < least or 0 <= side != hyp.blames:
             continue
         chi2 = hyp.scratch[NU0] ** 2 / (hyp.scratch[V00] + axes.r0)
         chi2 += hyp.scratch[NU1] ** 2 / (hyp.scratch[V11] + axes.r1)

@@ -43,6 +43,7 @@ from ..state import (
 )
 from .corners import BEFORE, list_corners, turned_before_end
 from .lane_offset import change_lane, redraw_lane
+from .no_sign import own_arc
 from .successors import REACH, p_drives_on, successors
 
 BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
@@ -248,18 +249,19 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         if hyp.edge == OFF_ROAD:
             continue
         track(belief, ctx.roads, i)
+        own = own_arc(hyp, arc)
         if belief.state[0].mode != WHEELS:
             _weigh_rest(hyp)
-        if arc < 0.0 and hyp.along < REACH * hyp.along_sigma:
-            changed = _back_up(belief, ctx, i, -arc) or changed
+        if own < 0.0 and hyp.along < REACH * hyp.along_sigma:
+            changed = _back_up(belief, ctx, i, -own) or changed
         length = ctx.roads.edges[hyp.edge].length
-        changed = _round_corner(belief, path, ctx, i, arc) or changed
+        changed = _round_corner(belief, path, ctx, i, own) or changed
         if hyp.along + REACH * hyp.along_sigma < length:
             if belief.state[0].mode == WHEELS:
                 hyp.p_not_passed = 1.0
             continue
         now = normal_cdf((length - hyp.along) / hyp.along_sigma)
-        if arc < 0.0:
+        if own < 0.0:
             hyp.p_not_passed = now
             continue
         if belief.state[0].mode != WHEELS:

@@ -174,7 +174,7 @@ def _merges(belief: Belief, i: int, first: int) -> bool:
     hyp = belief.hyp[i]
     other = belief.hyp[first]
     alike = hyp.edge == other.edge and (hyp.stood > 0.0) == (other.stood > 0.0)
-    return bool(alike and not is_waiting(hyp, belief.state[0].time))
+    return bool(alike and hyp.backs == other.backs and not is_waiting(hyp, belief.state[0].time))
 
 
 @kernel(inline=True)

@@ -85,6 +85,7 @@ NODE = np.dtype(
         ("edge", "i4"),
         ("before", "i4"),  # see HYPOTHESIS
         ("segment", "i4"),
+        ("backs", "u1"),
     ],
     align=True,
 )
@@ -361,7 +362,7 @@ def _store_node(belief: Belief, history: History, i: int) -> None:
     node = history.nodes[count.nodes]
     node.edge = hyp.edge
     node.before = hyp.before
-    node.segment = hyp.segment
+    node.segment, node.backs = hyp.segment, hyp.backs
     node.p = hyp.weight
     node.smoothed = hyp.weight
     node.path_entry = hyp.path_entry

@@ -191,7 +191,8 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     par = ctx.par[0]
     mean = model.then_mean
     motion = history.steps[link.step].motion
-    if motion.switched > 0:
+    backed = history.nodes[link.i].backs + history.nodes[link.j].backs
+    if motion.switched > 0 or backed > 0:  # the motion is that of vehicles that drive on
         return False
     if motion.mode == WHEELS:
         step = Increment(

@@ -251,7 +251,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
         hyp.log_weight = math.log(node.p)
         hyp.edge, hyp.before = filtered.edge, filtered.before
         hyp.scratch[AFTER] = node.after
-        hyp.segment = filtered.segment
+        hyp.segment, hyp.backs = filtered.segment, filtered.backs
         hyp.path_entry = filtered.path_entry
         set_to(hyp.mu, node.mu)
         for a in range(N):

@@ -152,7 +152,7 @@ def _add_node(belief: Belief, history: History, row: int, like: int) -> None:
     node = history.nodes[count.nodes]
     hyp = belief.hyp[row]
     node.edge = hyp.edge
-    node.before = hyp.before
+    node.before, node.backs = hyp.before, hyp.backs
     node.segment = hyp.segment
     node.p = node.smoothed = 0.0
     node.freed = history.nodes[like].freed

@@ -146,7 +146,7 @@ def describe(
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
-    out.speed = state.speed
+    out.speed = -abs(state.speed) if belief.hyp[heaviest(belief)].backs == 1 else state.speed
     out.chi2 = chi2
     out.gnss_scale = math.sqrt(state.gnss_factor)
     out.map_scale = map_scale(state, ctx.par[0])
