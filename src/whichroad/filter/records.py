@@ -127,8 +127,13 @@ DIRECTION = np.dtype(  # of odometry that may have no sign, see `hypotheses.no_s
     [
         ("has_sign", "u1"),  # 1: it has one, as it has counted down
         ("any", "u1"),  # 1: some hypothesis may back up
+        ("heard", "u1"),  # 1: the speed is known
+        ("rests", "u1"),  # 1: the vehicle stands
         ("starts", "u1"),  # 1: the vehicle has started once
-        ("back", "f8"),  # m counted down
+        ("speed", "f8"),  # m/s counted, low-pass filtered
+        ("crept", "f8"),  # m counted without a pause
+        ("back", "f8"),  # m counted down without a pause,
+        ("downs", "i8"),  # and how often
         ("rested", "f8"),  # s it has stood since it drove
         ("metres", "f8"),  # m since the last start
         ("doubted", "f8"),  # time, s, until which it may have backed up

@@ -32,6 +32,9 @@ from ..state import (
     Context,
     D,
     H,
+    K,
+    X,
+    Y,
     forget_course,
     heaviest,
     lane_mean,
@@ -46,9 +49,11 @@ _PARKED, _MANOEUVRES, _USUALLY, _ENDS = 0.1, 5e-3, 1e-3, 0.9
 _ACROSS, _OFF_ROADS = 0.2, 0.02  # the same across its road, and off the roads
 _ATHWART = 0.7  # cosine of the angle to its road, below which it stands across it
 _LONG_STOP = 60.0  # s
-_SHORT_WAY = 30.0  # m, since the last start
-_RESTS, _FAST = 0.15, 3.0  # m/s: it stands; it does not start from rest
-_BACK = 0.2  # m counted down, from which on odometry has a sign
+_SHORT_WAY, _SHORTEST = 30.0, 1.0  # m, since the last start; it has not stopped since
+_TIME = 0.15  # s, time constant of the speed
+_RESTS, _STARTS = 0.25, 0.05  # m/s, below which it has come to rest; m, beyond which it starts
+_NOISE, _FAST = 0.1, 3.0  # m/s: it may still stand; it does not start from rest
+_BACK, _DOWNS = 0.3, 3  # m counted down, and times in a row, from which on odometry has a sign
 _HEARD = 10.0  # s without a fix, from which on only who was parked may back up
 _SPLITS, _OF_PARKED = 0.01, 1e-3  # weight of a hypothesis that gets a twin
 _ENDURES = 30.0  # m, on average, of backing up
@@ -114,6 +119,9 @@ def _split(belief: Belief, share: float, least: float) -> None:
         move_row(belief, i, state.count)
         twin = belief.hyp[state.count]
         twin.backs = 1 - hyp.backs
+        crept = 2.0 * state.scale * twin.mu[K] * own_arc(twin, float(state.direction.crept))
+        twin.mu[X] += crept * math.cos(twin.mu[H])
+        twin.mu[Y] += crept * math.sin(twin.mu[H])
         twin.grace = max(float(hyp.grace), _UNDECIDED)
         rescale(twin, part)
         rescale(hyp, 1.0 - part)
@@ -174,6 +182,32 @@ def _face_about(belief: Belief, ctx: Context) -> None:
 
 
 @kernel
+def _counts_down(way: Record, arc: float) -> bool:
+    """Whether odometry has counted down.
+
+    Once may be an extrapolated way that is put right.
+    """
+    if arc > 0.0:
+        way.back = 0.0
+        way.downs = 0
+    elif arc < 0.0:
+        way.back -= arc
+        way.downs += 1
+    return bool(way.back > _BACK and way.downs >= _DOWNS)
+
+
+@kernel
+def _follow(way: Record, arc: float, dt: float) -> None:
+    """Low-pass the speed: odometers count in steps, and epochs may be short."""
+    if way.heard == 0:
+        way.heard = 1
+        way.speed = abs(arc) / dt
+    way.speed += (abs(arc) - way.speed * dt) / (dt + _TIME)
+    way.metres += abs(arc)
+    way.crept = way.crept + arc if abs(arc) > _NOISE * dt else 0.0
+
+
+@kernel
 def _forget(belief: Belief, factor: float) -> None:
     """Nobody backs up unseen from now on; those that did keep a part of their weight."""
     state = belief.state[0]
@@ -200,29 +234,31 @@ def consider_backing(belief: Belief, ctx: Context, epoch: Record, dt: float) -> 
         if way.any == 1:
             _forget(belief, 1.0 if state.mode == CLOCK else _HAS_SIGN)
         return
-    if dt <= 1e-3 or epoch.odometry_valid == 0:
+    if dt <= 1e-3:
         return
-    way.back += max(-epoch.arc, 0.0)
-    if way.back > _BACK:
+    if _counts_down(way, float(epoch.arc)):
         way.has_sign = 1
         return
-    speed = abs(epoch.arc) / dt
-    if speed < _RESTS:
+    _follow(way, float(epoch.arc), dt)
+    stands = way.crept < _STARTS if way.rests == 1 else way.speed < _RESTS
+    if stands:
+        way.rests = 1
         way.rested += dt
-    elif way.rested > 0.0 or way.starts == 0:
+    elif way.starts == 0 or (way.rests == 1 and way.metres > _SHORTEST):
         parked = way.starts == 0 or way.rested > _LONG_STOP
         share = _MANOEUVRES if way.metres < _SHORT_WAY else _USUALLY
         if state.time - state.last_fix > _HEARD:
             share = 0.0
         if parked:
             share = _PARKED
-        if speed < _FAST:
+        if way.speed < _FAST:
             _split(belief, share, _OF_PARKED if parked else _SPLITS)
-        way.starts = 1
-        way.rested = way.metres = 0.0
-    way.metres += abs(epoch.arc)
+        way.starts, way.rests = 1, 0
+        way.rested, way.metres = 0.0, float(way.crept)
+    else:
+        way.rests = 0
     if way.any == 1:
-        _weigh(belief, float(epoch.arc), speed)
-    if way.any == 1 and speed > _TOO_FAST:
+        _weigh(belief, float(epoch.arc), float(way.speed))
+    if way.any == 1 and way.speed > _TOO_FAST:
         _face_about(belief, ctx)
         way.any = 0
