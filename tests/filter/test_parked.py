@@ -6,6 +6,7 @@ import pytest
 from scenes import localize, network
 from whichroad._compile import Records
 from whichroad.filter.state import CLOCK, OFF_ROAD, new_epochs
+from whichroad.filter.summary.estimate import STOPPED
 from whichroad.lookback.traversals import traversals
 from whichroad.settings import Settings
 
@@ -49,6 +50,34 @@ def test_who_stands_on_the_road_is_on_it(seconds: float):
 def test_how_long_a_vehicle_stands_does_not_speak_for_the_yard():
     p = off_road(drive(5.0, 1.75))
     assert p[-1] < p[len(p) // 2] + 0.1
+
+
+@pytest.mark.parametrize("seconds", [5.0, 10.0])
+def test_who_stands_on_the_road_has_stopped(seconds: float):
+    epochs = drive(seconds, 1.75)
+    status = localize(ROADS, epochs, settings=HONEST, mode=CLOCK).output.rows.status
+    assert np.mean(status[epochs.time > STOPS + 90.0] == STOPPED) > 0.8
+
+
+@pytest.mark.parametrize("seconds", [3.0, 10.0, 30.0])
+@pytest.mark.parametrize("lag", [None, "full"])
+def test_an_hour_of_fixes_that_err_alike_tells_a_place_no_better_than_a_minute(
+    seconds: float, lag: str | None
+):
+    time = np.arange(0.0, 3600.0, seconds)
+    epochs = new_epochs(len(time))
+    epochs.time[:] = time
+    epochs.has_fix[:] = 1
+    x = 100.0 + 14.0 * np.minimum(time, STOPS)
+    noise = np.random.default_rng(2).normal(0.0, 0.7, (2, len(time)))
+    epochs.fix[:, 0], epochs.fix[:, 1] = x + 4.0 + noise[0], -5.75 + noise[1]
+    epochs.fix[:, 2:4] = 4.0
+    epochs.speed_sigma[:] = epochs.course_sigma[:] = np.inf
+    rows = localize(ROADS, epochs, mode=CLOCK, lag=lag).output.rows
+    late = time > 600.0
+    wrong = np.hypot(rows.x - x, rows.y + 1.75)[late]
+    assert (wrong < rows.protection_level[late]).all()
+    assert np.mean(wrong**2) < 4.0 * np.mean(rows.cov[late, 0] + rows.cov[late, 3])
 
 
 @pytest.mark.parametrize("seconds", [5.0, 20.0])

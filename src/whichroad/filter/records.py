@@ -141,6 +141,17 @@ DIRECTION = np.dtype(  # of odometry that may have no sign, see `hypotheses.no_s
     align=True,
 )
 
+CARRIED = np.dtype(  # far fixes of a vehicle that stood without any, see `gnss.carried`
+    [
+        ("p", "f8"),  # P(the vehicle was carried there); 0: there are none
+        ("since", "f8"),  # s, when the first of them came, and the last one
+        ("time", "f8"),
+        ("place", "f8", (2,)),  # m, plane,
+        ("sigma", "f8"),  # and its sigma, m
+    ],
+    align=True,
+)
+
 SEPARATION = np.dtype(  # all of them, and how restless the receiver is
     [
         ("reckoned", RECKONED, (COPIES,)),
@@ -149,6 +160,7 @@ SEPARATION = np.dtype(  # all of them, and how restless the receiver is
         ("unmapped", UNMAPPED),
         ("dropped", DROPPED),
         ("gross", GROSS),
+        ("carried", CARRIED),
         ("begun", "f8"),  # s, when the last one was copied
         ("sums", "f8", (4,)),  # of the odometry until now: x, y (m), turn (rad), arc (m)
         ("calm", "f8"),  # scale of the receiver's sigmas, in calm times; 0: not known

@@ -9,6 +9,7 @@ from ..graph.network import plane_scale
 from . import paper
 from .along import advance_along, forward_only
 from .evidence.observe import observe_evidence
+from .gnss.carried import may_be_carried
 from .gnss.inflation import bias_time
 from .gnss.noise import observe_across
 from .gnss.separation import watch
@@ -56,14 +57,14 @@ from .state import (
     Path,
     X,
     Y,
+    heaviest,
     normalise,
 )
 from .summary.estimate import Output, describe
 from .summary.waiting import wait
 from .vetting.windows import BY_GYRO, HEARD_AGAIN, is_alone
 
-_EXCHANGE = 25.0  # m between exchanges with off the roads
-_TURN_TIME = 0.25  # s, time constant of the turn rate
+_EXCHANGE, _TURN_TIME = 25.0, 0.25  # m between exchanges with off the roads; s, of the turn rate
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
 _SPEED_KEPT, _COURSE_KEPT = 1.5, 3.0  # s, for which reports tell acceleration, and heading
 _LONGEST, _FARTHEST = 1800.0, 5e4  # s without odometry, m in one epoch: beyond it starts anew
@@ -206,6 +207,7 @@ def _predict(
         history.since[0].jumped = 1
         history.since[0].map_aged += metres
         _count_motion(state, metres, dt)
+        state.standing = max(state.standing, belief.hyp[heaviest(belief)].stood)
     else:
         metres = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
         odometer = dt if mode == CLOCK else epoch.arc
@@ -216,9 +218,8 @@ def _predict(
             history.since[0].drawn |= 1 - state.knows_heading
             accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0, odometer), q)
         turned = turn_round(belief, ctx, dt)
-        branched = advance_along(belief, path, ctx, odometer, q)
-        weighed = mode == CLOCK and forward_only(belief, ctx)
-        if turned or branched or weighed:
+        changed = advance_along(belief, path, ctx, odometer, q) or turned
+        if (mode == CLOCK and forward_only(belief, ctx)) or changed:
             state.changed = 1
         _count_motion(state, metres, dt)
     if mode != CLOCK and dt > 1e-6 and epoch.gyro != HEARD_AGAIN:
@@ -297,8 +298,9 @@ def _observe_gnss(
         state.changed = 1
         state.observed = 1
         return observe_after_silence(belief, path, ctx, epoch)
-    still = state.mode != CLOCK and state.since_fix <= _STILL
-    if (state.motion == STAND or still) and observe_standing(belief, ctx, epoch):
+    carried = may_be_carried(belief, ctx.par[0], epoch)
+    still = state.motion == STAND or (state.mode != CLOCK and state.since_fix <= _STILL)
+    if carried or (still and observe_standing(belief, ctx, epoch)):
         return 0.0
     if state.motion == ROUTES or state.changed:
         normalise(belief)

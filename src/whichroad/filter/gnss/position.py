@@ -35,8 +35,9 @@ from ..state import (
     most_probable,
     move_row,
 )
-from .bias import free_bias, is_fine, stray
+from .bias import free_bias, is_fine, stray, trace_of
 
+_OF_ONE = 0.7  # of the variance of a fix, below which fixes at rest do not tell the place better
 _WRONG_VARIANCE = 1e4  # m², of the error of a fix that is wrong,
 _LOG_WRONG = -3.9  # and the logarithm of how often it is
 _MOVING = 2.0  # m/s, from which on a course over ground is the vehicle's heading
@@ -147,7 +148,12 @@ def _drop_refuted(belief: Belief, least: float) -> None:
 
 @kernel(inline=True)
 def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes) -> None:
-    """Condition a hypothesis on both axes of a fix, the second one given the first."""
+    """Condition a hypothesis on both axes of a fix, the second one given the first.
+
+    While the vehicle stands the receiver errs much alike.  One that has stood since the last fix,
+    and whose place is known as well as a fix tells it, considers that place, and does not
+    estimate it (Schmidt 1966): the fix tells the receiver's error.
+    """
     row = ctx.work.row
     arm = (hyp.scratch[ARM_X], hyp.scratch[ARM_Y])
     s0 = hyp.scratch[V00]
@@ -160,7 +166,12 @@ def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes
     _gain(hyp.cov, row, second)
     add_times(second, -hyp.scratch[V01] / s0, g)
     gains = (hyp.scratch[NU0] / s0, hyp.scratch[NU1] / s1)
-    update_pair(hyp.mu, hyp.cov, g, second, gains, (s0, s1), state.scale)
+    mean, cov = hyp.mu, hyp.cov
+    x, y, xx, xy, yy = mean[X], mean[Y], cov[X, X], cov[X, Y], cov[Y, Y]
+    update_pair(mean, cov, g, second, gains, (s0, s1), state.scale)
+    if hyp.stood > 0.0 and xx + yy < _OF_ONE * trace_of(state):
+        mean[X], mean[Y], cov[X, X], cov[Y, Y] = x, y, xx, yy
+        cov[X, Y] = cov[Y, X] = xy
 
 
 @kernel(inline=True)
