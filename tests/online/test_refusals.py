@@ -39,6 +39,8 @@ def test_a_prediction_before_the_last_observation_is_the_estimate_at_it(time: fl
         (math.inf, "time is inf; seconds"),
         (-math.inf, "time is -inf; seconds"),
         (1.78e12, r"time is 1.78e\+12; .*are these milliseconds"),
+        (1.78e15, r"time is 1.78e\+15; .*are these microseconds"),
+        (1.78e18, r"time is 1.78e\+18; .*are these nanoseconds"),
         ("noon", "time is 'noon'; seconds"),
         (datetime(2026, 6, 1), "time is datetime.datetime"),
         (1.78e9, "20,602 days after the last observation; at most a year"),

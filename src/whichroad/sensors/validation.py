@@ -92,7 +92,8 @@ def check_time(time: float, where: str) -> None:
 
 def _no_time(where: str, time: Any) -> ReadError:
     late = isinstance(time, int | float) and math.isfinite(time)
-    what_to_do = "are these milliseconds?" if late else "as datetime.timestamp() gives them"
+    unit = "milli" if late and time < 1e14 else "micro" if late and time < 1e17 else "nano"
+    what_to_do = f"are these {unit}seconds?" if late else "as datetime.timestamp() gives them"
     seen = f"{time:g}" if late else repr(time)
     return ReadError(f"{where}: time is {seen}; seconds since 1970 were expected; {what_to_do}")
 
