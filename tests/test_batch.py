@@ -523,6 +523,16 @@ def test_only_what_is_worked_on_is_taken_from_a_stream(roads, monkeypatch):
             break
 
 
+def test_a_trip_over_the_end_of_a_large_batch_is_one(roads, fleet, monkeypatch):
+    monkeypatch.setattr(many_trips, "APART", 20)
+    whole = match_many(fleet, roads)
+    for rows in (50, 70, 110):  # more than `APART`; the trips have 32 each
+        batches = fleet.combine_chunks().to_batches(max_chunksize=rows)
+        assert same(whole, match_many(iter(batches), roads))
+        paths = list(match_batches(iter(batches), roads))
+        assert pa.Table.from_batches(paths).equals(whole.path)
+
+
 def test_progress_is_told(roads, fleet):
     told = []
     match_many(fleet, roads, progress=lambda what, done, of: told.append((what, done, of)))

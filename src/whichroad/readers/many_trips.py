@@ -278,7 +278,10 @@ def _whole(batches: Iterable[Any], drive_id: str, own: Own) -> Iterator[tuple[st
         table = usual_rows(batch, drive_id, own)
         for name, part in cut(table):
             waiting.setdefault(name, []).append(part)
-            last[name] = rows
+        labels, codes = texts(table["drive_id"])
+        from_end = np.unique(codes[::-1], return_index=True)[1]
+        for row in sorted((len(codes) - 1 - from_end).tolist()):
+            last[labels[codes[row]]] = rows + row
         rows += table.num_rows
         for name in [n for n, row in last.items() if row < rows - APART]:
             del last[name]
