@@ -26,6 +26,7 @@ from whichroad.observations import (
     WheelSpeeds,
 )
 from whichroad.readers import drive_from_table, read_drive
+from whichroad.readers.many_trips import own_names
 from whichroad.readers.names import NAMES, normal
 from whichroad.readers.reported_fixes import RADIUS_68
 from whichroad.settings import Settings, Vehicle
@@ -203,6 +204,34 @@ def test_a_time_may_be_the_index_of_a_frame():
     frame = pd.DataFrame(table(time=None), index=pd.to_datetime(T0 + np.arange(N), unit="s"))
     assert one(frame).fixes.time == pytest.approx(T0 + np.arange(N))
     assert one(frame.rename_axis("Timestamp")).fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+@pytest.mark.parametrize("index", ["time", "trip_id", ["trip_id", "time"], ["time", "mood"]])
+def test_an_index_that_is_a_column_too_is_read_once(index):
+    frame = pd.DataFrame(table(trip_id=["a"] * N, mood=["good"] * N))
+    drive = one(frame.set_index(index, drop=False))
+    assert drive.drive_id == "a"
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+def test_a_level_of_an_index_is_a_column_beside_one_that_is_one_too():
+    frame = pd.DataFrame(table(trip_id=["a"] * N)).set_index(["trip_id", "time"])
+    drive = one(frame.assign(time=T0 + np.arange(N)))
+    assert drive.drive_id == "a"
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+def test_a_nameless_index_of_times_beside_a_column_of_them_is_no_column():
+    frame = pd.DataFrame(table(), index=pd.to_datetime(np.arange(N), unit="s"))
+    assert one(frame).fixes.time == pytest.approx(T0 + np.arange(N))
+
+
+@pytest.mark.parametrize("ids", [["veh", "trip_id"], ("veh", "trip_id")])
+def test_several_columns_for_the_name_of_a_trip_are_refused(ids):
+    frame = pd.DataFrame(table(trip_id=["a"] * N, veh=["b"] * N))
+    for call in (lambda: drive_from_table(frame, id=ids), lambda: own_names(None, ids)):
+        with pytest.raises(SettingError, match=r"'veh', 'trip_id'.; one name was expected"):
+            call()
 
 
 def test_columns_that_are_not_used_may_hold_anything():
@@ -512,6 +541,24 @@ def test_points_of_a_geodataframe_are_brought_to_degrees(sound):
     (drive,) = drive_from_table(frame)
     sound(drive)
     assert drive.fixes.lat_deg == pytest.approx([49.4] * N)
+
+
+def test_points_of_a_geodataframe_without_a_system_are_in_that_of_the_caller(sound):
+    import geopandas as gpd
+
+    degrees = gpd.points_from_xy([8.7] * N, [49.4] * N, crs=4326)
+    for system in (3857, 4326):
+        frame = gpd.GeoDataFrame(
+            {"time": T0 + np.arange(N)},
+            geometry=gpd.GeoSeries(degrees).to_crs(system).set_crs(None, allow_override=True),
+        )
+        drive = drive_from_table(frame, crs=system)[0]
+        sound(drive)
+        assert drive.fixes.lat_deg == pytest.approx([49.4] * N)
+        assert drive.fixes.lon_deg == pytest.approx([8.7] * N)
+        if system == 3857:
+            with pytest.raises(ReadError, match="x and y without a reference system"):
+                drive_from_table(frame)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".tsv", ".parquet", ".arrow", ".feather", ".dat"])

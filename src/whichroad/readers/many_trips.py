@@ -18,7 +18,7 @@ from .checks import listed
 from .csv_text import no_column
 from .dates import UNSAID, Writing, taken_as_utc
 from .names import NAMES, Column, find, quantity_of
-from .reading import Reading, own_columns
+from .reading import Reading, check_one, own_columns
 from .splitting import split_trips
 from .table_drives import paired
 from .table_units import Units
@@ -163,7 +163,9 @@ def own_names(columns: Own | None, drive_id: str) -> tuple[dict[str, str | int],
 
     Raises:
         ReadError: A documented name is unknown, or a column is given by its number.
+        SettingError: More than one column is to name the trip.
     """
+    check_one(drive_id)
     own = own_columns(columns)
     for alias, column in own.items():
         quantity_of(alias)

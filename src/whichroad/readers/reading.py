@@ -27,6 +27,20 @@ def own_columns(columns: Any) -> dict[str, str | int]:
     return dict(columns or {})
 
 
+def check_one(column: Any) -> None:
+    """Refuse several columns, or anything else than one, for that which names trips.
+
+    Raises:
+        SettingError: It is so.
+    """
+    if column is not None and not isinstance(column, str | int):
+        raise SettingError(
+            f"the column that names trips is {column!r}; one name was expected; trips that several "
+            "vehicles have are told apart by a column vehicle_id: name yours by columns=, or make "
+            "one column of several"
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class Reading:
     """What the caller says of the files."""
@@ -51,6 +65,7 @@ class Reading:
     ) -> "Reading":
         """The same from arguments of which None stands for the default."""
         own = own_columns(more.get("columns"))
+        check_one(more.get("id"))
         if more.get("id") is not None:
             own = {k: v for k, v in own.items() if k != "drive_id"} | {"drive_id": more["id"]}
         for alias in (alias for alias in own if not alias.startswith(SENSED)):

@@ -137,10 +137,13 @@ def _frame(frame: Any, own: Any) -> Seen:
     """The used columns of a DataFrame; an index that is a time, or named like a column, is one."""
     import pyarrow as pa
 
-    index = [str(name) for name in frame.index.names if name is not None]
-    if find(index) or set(index) & {str(column) for column in own.values()}:
-        frame = frame.reset_index()
-    elif str(frame.index.dtype).startswith("datetime64"):
+    index, columns = frame.index.names, {str(name) for name in frame.columns}
+    named = {str(name) for name in index if name is not None}
+    if find(sorted(named)) or named & {str(column) for column in own.values()}:
+        # a level that is also a column, as of set_index(drop=False), stays where it is
+        more = [k for k, n in enumerate(index) if n is not None and str(n) not in columns]
+        frame = frame.reset_index(level=more)
+    elif str(frame.index.dtype).startswith("datetime64") and "time" not in columns:
         frame = frame.rename_axis("time").reset_index()
     names = [str(name) for name in frame.columns]
     found = find(names, own)
@@ -166,7 +169,10 @@ def _arrow(cells: Any) -> Any:
 
 
 def _points(frame: Any) -> Any:
-    """A GeoDataFrame of points as a DataFrame with lon and lat, NaN where there is no point."""
+    """A GeoDataFrame of points as a DataFrame with lon and lat, NaN where there is no point.
+
+    Points of no system that are no degrees become x and y.
+    """
     points = frame.geometry.where(~frame.geometry.is_empty, None)
     strange = set(points.geom_type.dropna()) - {"Point"}
     if strange:
@@ -176,5 +182,7 @@ def _points(frame: Any) -> Any:
         points = points.to_crs(4326)
     plain = frame.drop(columns=frame.geometry.name)
     if not {"lat", "lon"} & find([str(c) for c in plain.columns]).keys():
-        plain = plain.assign(lon=points.x.to_numpy(), lat=points.y.to_numpy())
+        x, y = points.x.to_numpy(), points.y.to_numpy()
+        degrees = points.crs is not None or not ((abs(x) > 180.0) | (abs(y) > 90.0)).any()
+        plain = plain.assign(lon=x, lat=y) if degrees else plain.assign(x=x, y=y)  # in that of crs=
     return plain
