@@ -1,7 +1,9 @@
 """Dates and times as people, spreadsheets and tools write them."""
 
+import re
 from datetime import UTC, datetime
 from email.utils import format_datetime
+from itertools import combinations, permutations
 
 import numpy as np
 import pandas as pd
@@ -214,8 +216,83 @@ def test_a_date_that_cannot_be_is_skipped_and_counted(tmp_path, cell):
     if "." in cell:
         time = [*MOMENTS.strftime("%d.%m.%Y %H:%M")[:-1], cell]
     drive = drive_of(tmp_path, time=time)
-    assert drive.skipped["no time"] == 1
+    counts = [drive.skipped.get(reason, 0) for reason in ("no time", "unparsable time")]
+    assert sum(counts) == 1
     assert drive.fixes.time.max() < T0 + N
+
+
+FORMS = {
+    "ISO": lambda moments: moments.strftime("%Y-%m-%dT%H:%M:%SZ"),
+    "ISO local": lambda moments: moments.strftime("%Y-%m-%d %H:%M:%S"),
+    "dmy": lambda moments: moments.strftime("%d/%m/%Y %H:%M:%S"),
+    "mdy": lambda moments: moments.strftime("%m/%d/%Y %I:%M:%S %p"),
+    "German": lambda moments: moments.strftime("%d.%m.%Y %H:%M:%S"),
+    "digits": lambda moments: moments.strftime("%Y%m%d%H%M%S"),
+    "s": lambda moments: (moments.as_unit("s").asi8).astype(str),
+    "ms": lambda moments: (moments.as_unit("ms").asi8).astype(str),
+}
+
+
+def mixed(first, second, moments):
+    """The drive of a column whose last 20 times are in another format than those before."""
+    cells = [*FORMS[first](moments[: N - 20]), *FORMS[second](moments[N - 20 :])]
+    (drive,) = drive_from_table({"time": cells, "lat": LAT, "lon": [8.7] * N})
+    return drive
+
+
+@pytest.mark.parametrize(
+    "pair", [pair for pair in combinations(FORMS, 2) if pair != ("dmy", "mdy")]
+)
+def test_a_column_may_mix_formats(pair):
+    for first, second in permutations(pair):
+        drive = mixed(first, second, MOMENTS)
+        assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+        assert not drive.skipped
+        told = [note for note in drive.notes if "mixes formats of times: " in note]
+        alike = {*pair} <= {"dmy", "mdy", "German", "digits"} or {*pair} == {"ISO", "ISO local"}
+        assert len(told) == (not alike)
+        assert all(re.search("[24]0 of 60 rows", note) for note in told)
+
+
+@pytest.mark.parametrize("form", ["dmy", "mdy"])
+def test_dates_that_do_not_show_their_month_are_near_the_others(form):
+    moments = pd.date_range("2026-06-05 22:30:00", periods=N, freq="s")
+    for pair in permutations(("ISO", form)):
+        drive = mixed(*pair, moments)
+        assert drive.fixes.time == pytest.approx(moments.as_unit("s").asi8)
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "digits"])
+def test_numbers_of_times_may_mix_units(unit):
+    late = {"ms": 1e3 * T0, "us": 1e6 * T0, "digits": 20_260_328_223_000}[unit]
+    step = {"ms": 1e3, "us": 1e6, "digits": 1.0}[unit]
+    time = np.where(np.arange(N) < 30, T0 + np.arange(N), late + step * np.arange(N))
+    (drive,) = drive_from_table({"time": time, "lat": LAT, "lon": [8.7] * N})
+    assert drive.fixes.time == pytest.approx(T0 + np.arange(N))
+    assert "30 of 60 rows" in drive.notes[0]
+
+
+def test_numbers_that_would_be_years_away_are_not_taken_in_another_unit():
+    time = T0 + np.arange(N)
+    time[50] = 1e3 * (T0 - 3e8)
+    (drive,) = drive_from_table({"time": time, "lat": LAT, "lon": [8.7] * N})
+    assert len(drive.fixes) == N - 1
+    cells = [*FORMS["ISO"](MOMENTS)[:-1], "1234567890"]
+    (drive,) = drive_from_table({"time": cells, "lat": LAT, "lon": [8.7] * N})
+    assert drive.skipped == {"unparsable time": 1}
+    assert not drive.notes
+
+
+@pytest.mark.parametrize("bad", [1, 12])
+@pytest.mark.parametrize("form", ["ISO", "ms"])
+def test_rows_without_a_readable_time_are_counted_once_and_told_where_they_are_many(form, bad):
+    cells = [*FORMS[form](MOMENTS)[: N - bad - 2], None, None, *["just now"] * bad]
+    (drive,) = drive_from_table({"time": cells, "lat": LAT, "lon": [8.7] * N})
+    kind = "unparsable time" if form == "ISO" else "unparsable number in time"
+    assert drive.skipped == {kind: bad, "no time": 2}
+    told = [note for note in drive.notes if "12 of 60 rows left out" in note]
+    assert len(told) == (bad == 12)
+    assert all("such as 'just now'" in note for note in told)
 
 
 @pytest.mark.parametrize("values", [5e9, 9e12, 5e18])

@@ -11,14 +11,14 @@ import numpy as np
 
 from ..errors import ReadError
 from ..observations import Array
-from .checks import Ints, Skipped, keep
+from .bare_times import of_numbers, with_numbers
+from .checks import UNPARSABLE_TIME, Ints, Skipped, keep
 from .dates import (
     UNSAID,
     Writing,
     is_clock,
     of_clocks,
     of_days,
-    of_numbers,
     of_texts,
     plausible,
     to_utc,
@@ -28,8 +28,6 @@ from .names import Column
 if TYPE_CHECKING:
     import pyarrow as pa
 
-_NUMBER = "unparsable number"
-_TIME = "unparsable time"
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _DECIMAL = re.compile(r"\s*[-+]?\d+,\d+\s*$")
 _GROUPED = re.compile(r"\s*[-+]?[1-9]\d{0,2},\d{3}\s*$")  # as thousands are, such as 12,345
@@ -43,6 +41,12 @@ class Times(NamedTuple):
     zoneless: bool = False  # some name no zone; the caller's, else UTC, was taken
     counted: bool = False  # bare numbers that count from another start, their unit is open
     dateless: bool = False  # times of day, counted from the midnight before the first
+    others: int = 0  # cells in another format than the column's first one
+
+
+def unparsable(name: str) -> str:
+    """As what cells of a column are counted that are no numbers."""
+    return f"unparsable number in {name}"
 
 
 def numbers(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
@@ -62,7 +66,7 @@ def numbers(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
             column if pa.types.is_float64(kind) else pc.cast(column, pa.float64(), safe=False)
         )
     except pa.ArrowException:
-        skipped[f"{_NUMBER} in {name}"] += len(column) - column.null_count
+        skipped[unparsable(name)] += len(column) - column.null_count
         return np.full(len(column), np.nan)
 
 
@@ -86,7 +90,7 @@ def _parsed(column: "pa.ChunkedArray", name: str, skipped: Skipped) -> Array:
     cells = [c.decode("utf-8", "replace") if type(c) is bytes else c for c in column.to_pylist()]
     empty = np.array([_is_absent(cell) for cell in cells], bool)
     values = np.array([_number(cell) for cell in _with_points(cells)], np.float64)
-    keep(~np.isnan(values) | empty, f"{_NUMBER} in {name}", skipped)
+    keep(~np.isnan(values) | empty, unparsable(name), skipped)
     return values
 
 
@@ -158,9 +162,12 @@ def times(
         if moments is None and (clocks or _is_text(kind)):
             moments = of_texts(cells, written, said)
         if moments is not None:
-            empty = np.array([not cell for cell in cells], bool)
-            keep(np.isfinite(moments.seconds) | empty, _TIME, skipped)
-            return Times(*moments)
+            left = np.array([bool(cell) for cell in cells], bool) & ~np.isfinite(moments.seconds)
+            if left.any():
+                bare = [_number(c) if at else math.nan for c, at in zip(cells, left, strict=True)]
+                moments = with_numbers(moments, np.array(bare), written.zone)
+            keep(np.isfinite(moments.seconds) | ~left, UNPARSABLE_TIME, skipped)
+            return Times(moments.seconds, moments.zoneless, others=moments.others)
         since_midnight = of_clocks(cells) if clocks or _is_text(kind) else None
         if since_midnight is not None:
             return Times(since_midnight, dateless=True)
@@ -171,7 +178,9 @@ def times(
     if meaning.factor:
         return Times(values * meaning.factor)
     moments = of_numbers(values, written.zone)
-    return Times(values, counted=True) if moments is None else Times(*moments)
+    if moments is None:
+        return Times(values, counted=True)
+    return Times(moments.seconds, moments.zoneless, others=moments.others)
 
 
 def is_zoneless(cell: "pa.Array", meaning: Column) -> bool:

@@ -26,6 +26,7 @@ LAST = LATEST  # s: no log has later times
 BACKWARDS = "time running backwards (sorted)"
 REPEATED = "repeated time"
 NO_TIME = "no time"
+UNPARSABLE_TIME = "unparsable time"
 NO_POSITION = "no position"
 
 

@@ -23,7 +23,6 @@ LATEST = 4_102_444_800.0  # s, 2100
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _BLANK = re.compile(r"\s+(?=Z$|[+-]\d\d:?\d\d$)")  # before the zone
 DAY = 86_400.0  # s
-_PER_SECOND = (1.0, 1e-3, 1e-6, 1e-9)  # s in a tick of a bare number, s to ns
 # UTC by name, or the name of a zone behind an offset: 12:00:00+02:00[Europe/Berlin]
 _NAMED = ("UTC", "GMT", "]")
 _ZONE = re.compile(r"(?<=\d)\s*(?:UTC|GMT)$|(?:(?<=[+-]\d\d:\d\d)|(?<=Z))\[[^\[\]]*\]$")
@@ -51,7 +50,6 @@ _LAYOUTS = tuple(
 _OF_DAY = re.compile(rf"{_CLOCK}{_OFFSET}\s*$")
 _DIGITS = re.compile(r"\d{5,6}(?:\.\d+)?$")
 _MONTHS = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"]
-_COMPACT = ((12, 1), (14, 1), (17, 1000))  # digits of YYYYMMDDhhmm, with ss, with thousandths
 
 
 class Writing(NamedTuple):
@@ -83,6 +81,7 @@ class Moments(NamedTuple):
 
     seconds: Array  # (n,) since 1970 UTC, NaN where a cell is no time
     zoneless: bool = False  # some name no zone; the caller's, else UTC, was taken
+    others: int = 0  # cells in another format than the column's first one
 
 
 def zone_of(name: str | None) -> tzinfo | None:
@@ -173,18 +172,56 @@ def of_texts(cells: Sequence[str | None], written: Writing, where: str) -> Momen
     filled = [cell for cell in cells if cell and cell.strip()]
     if not filled:
         return None
-    if any(map(_ISO.match, filled)):
+    dated = [cell for cell in filled if _ISO.match(cell)]
+    if dated:
         if all(len(cell.strip()) <= len("2026-03-28") for cell in filled):
             return None  # dates without a time of day
-        zoneless = any(not _HAS_ZONE.search(cell) for cell in filled)
-        return Moments(iso_seconds(cells, written.zone), zoneless)
+        zoneless = any(not _HAS_ZONE.search(cell) for cell in dated)
+        read = Moments(iso_seconds(cells, written.zone), zoneless)
+        return _with_other_dates(read, cells, written, where)
     found = [_match(cell) for cell in cells]
     if not any(found):
         return None
-    month_first = _month_first(found, written.month_first, where)
+    return _of_matches(found, _month_first(found, written.month_first, where), written.zone)
+
+
+def _with_other_dates(
+    read: Moments, cells: Sequence[str | None], written: Writing, where: str
+) -> Moments:
+    """The times of a column with those of cells that are dates, but not in ISO 8601.
+
+    Where 06/01/2026 does not show its month, the order is taken that is nearer to the others.
+    """
+    known = np.isfinite(read.seconds)
+    found = [None if k else _match(c) for c, k in zip(cells, known.tolist(), strict=True)]
+    if not any(found):
+        return read
+    if written.month_first is None and known.any():
+        middle = np.median(read.seconds[known])
+        both = [_of_matches(found, order, written.zone) for order in (False, True)]
+        more = max(both, key=lambda one: _likeness(one.seconds, middle))
+    else:
+        more = _of_matches(found, _month_first(found, written.month_first, where), written.zone)
+    seconds = np.where(known, read.seconds, more.seconds)
+    others = int(np.count_nonzero(np.isfinite(more.seconds)))
+    return Moments(seconds, read.zoneless or more.zoneless, others)
+
+
+def _likeness(seconds: Array, middle: float) -> tuple[int, float]:
+    """How many times are possible, and how near they are to those that are known."""
+    possible = seconds[np.isfinite(seconds)]
+    if not len(possible):
+        return 0, 0.0
+    return len(possible), -abs(float(np.median(possible)) - middle)
+
+
+def _of_matches(
+    found: Sequence[re.Match[str] | None], month_first: bool, zone: tzinfo | None
+) -> Moments:
+    """Times of texts that match a layout, NaN where one does not."""
     seconds = np.array([_seconds(m, month_first) if m else np.nan for m in found])
     local = np.array([m is not None and not m["z"] for m in found], bool)
-    seconds[local] = to_utc(seconds[local], written.zone)
+    seconds[local] = to_utc(seconds[local], zone)
     return Moments(plausible(seconds), bool(local.any()))
 
 
@@ -214,35 +251,6 @@ def of_clocks(clocks: Sequence[str | None]) -> Array | None:
 def is_clock(cell: str) -> bool:
     """Whether a text is a mere time of day."""
     return bool(_OF_DAY.match(cell.strip()))
-
-
-def tick_of(size: float) -> float | None:
-    """Seconds in a tick of a clock that counts from 1970 and shows `size`; None: there is none."""
-    return next((tick for tick in _PER_SECOND if EARLIEST <= size * tick < LATEST), None)
-
-
-def of_numbers(values: Array, zone: tzinfo | None) -> Moments | None:
-    """Times of bare numbers that count from 1970 or are written digits of a date.
-
-    Args:
-        values: (n,) numbers, NaN where there is none.
-        zone: Of written dates; None: UTC.
-
-    Returns:
-        None where the numbers count from something else.
-    """
-    sizes = np.abs(values[np.isfinite(values)])
-    if not len(sizes):
-        return Moments(values)
-    middle = (len(sizes) - 1) // 2
-    size = float(np.partition(sizes, middle)[middle])
-    factor = tick_of(size)
-    if factor is not None:
-        return Moments(values * factor)
-    for digits, parts in _COMPACT:
-        if 1.98 * 10 ** (digits - 1) <= size < 2.1 * 10 ** (digits - 1):
-            return Moments(to_utc(_written(values, digits, parts), zone), True)
-    return None
 
 
 def from_serial(days: Array, zone: tzinfo | None) -> Array:
@@ -278,26 +286,6 @@ def day_of(year: Array, month: Array, day: Array) -> Array:
 
 def _first_of(months: NDArray[np.int64]) -> NDArray[np.int64]:
     return months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
-
-
-def _written(values: Array, digits: int, parts: int) -> Array:
-    """Local seconds of numbers whose digits are year, month, day, hour, minute and second."""
-    with np.errstate(invalid="ignore"):
-        rest, fraction = np.divmod(values, parts)
-        rest = np.where(np.isfinite(rest), rest, 0.0)
-        fraction = np.where(rest > 0, fraction / parts, np.nan)
-    whole = np.floor(rest)
-    fraction = fraction + (rest - whole)
-    second = np.zeros(len(values))
-    if digits > 12:
-        whole, second = np.divmod(whole, 100)
-    whole, minute = np.divmod(whole, 100)
-    whole, hour = np.divmod(whole, 100)
-    whole, day = np.divmod(whole, 100)
-    year, month = np.divmod(whole, 100)
-    possible = (hour < 24) & (minute < 60) & (second < 61)
-    days = np.where(possible, day_of(year, month, day), np.nan)
-    return np.asarray(DAY * days + 3600.0 * hour + 60.0 * minute + second + fraction)
 
 
 def _match(cell: str | None) -> re.Match[str] | None:

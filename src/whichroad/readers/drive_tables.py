@@ -19,7 +19,7 @@ from ..errors import ReadError
 from ..observations import Array, Drive, SensorReading
 from ..settings import Settings, Vehicle
 from .arrow_columns import Times, numbers, strings, times
-from .checks import LAST, NO_TIME, Skipped, keep
+from .checks import Skipped
 from .clock_change import put_apart
 from .coarse_times import spread
 from .csv_text import no_column
@@ -37,6 +37,7 @@ from .table_drives import Trip, trips_of
 from .table_files import table_of
 from .table_units import Units, check_motion, in_seconds, units_of
 from .tables_in_memory import frames_of, in_memory, is_gpx
+from .unread_times import mixed_note, no_time, with_time
 from .without_times import invented_times
 
 _NO_VALUES = ("time", "date", "gear", "drive_id", "vehicle_id", "row_id", "geometry",
@@ -152,9 +153,9 @@ def drives_of(
     with np.errstate(over="ignore", invalid="ignore"):
         units = reading.units or units_of(columns, seen.found, trips)
     units.in_si(columns)
-    good = keep(np.abs(columns["time"]) < LAST, NO_TIME, skipped)
+    good = with_time(seen, columns, skipped, notes)
     if not good.any():
-        raise ReadError(_no_time(seen, where, reading.dates))
+        raise ReadError(no_time(seen, where, reading.dates))
     trips = [Trip(t.name, t.rows[good[t.rows]]) for t in trips]
     trips = sorted((t for t in trips if len(t.rows)), key=lambda t: int(t.rows[0]))
     if {"x", "y"} <= columns.keys() and "lat" not in columns:
@@ -272,6 +273,7 @@ def _times(
         seen.table.column(column.place), column, where, skipped, written=written,
         date=None if day is None else seen.table.column(day.place),
     )  # fmt: skip
+    notes += mixed_note(read, column.name)
     if read.zoneless:
         utc = any(word in normal(column.name).split("_") for word in ("utc", "gps", "gmt"))
         if written.zone is None and not utc and (paths or "local" in normal(column.name)):
@@ -304,22 +306,6 @@ def _invented(
     if not {"lat", "lon"} <= columns.keys() or others or seen.table.num_rows < 2:
         raise ReadError(no_column(where, "no time", seen.names, ("time",)))
     return invented_times(columns["lat"], columns["lon"], [t.rows for t in trips], notes)
-
-
-def _no_time(seen: Seen, where: str, order: str | None) -> str:
-    if "time" not in seen.found:  # times were to be invented, for places
-        return (
-            f"{where}: no row has both a latitude and a longitude that can be understood; "
-            "degrees, such as 49.4093 and 8.6937, were expected"
-        )
-    column = seen.found["time"]
-    first = next((c for c in strings(seen.table.column(column.place)) if c), "")
-    said = "" if order is None else f", or dates in the order {order} of dates (--dates)"
-    return (
-        f"{where}: column {column.name!r} holds no time that can be understood, such as "
-        f"{first[:40]!r}; ISO 8601 (2026-06-01T08:00:00Z, or +02:00) or seconds since 1970{said} "
-        "were expected; write it so"
-    )
 
 
 def _locate(seen: Seen, columns: Columns, crs: Any, where: str) -> None:

@@ -15,9 +15,10 @@ import numpy as np
 from ..observations import ROUNDED, Array, Fixes
 from ..settings import Settings
 from .arrow_columns import numbers, times
+from .bare_times import tick_of
 from .checks import LAST, Bools, Ints, Skipped
 from .clock_change import clock_changes
-from .dates import Writing, tick_of
+from .dates import Writing
 from .drive_columns import Columns, reported
 from .fix_quality import NO_FIX
 from .mixed_rows import NOTED, alternating
