@@ -1,4 +1,4 @@
-"""Coordinates that were rounded to few decimals: the error of that is a part of each fix's.
+"""Coordinates that were rounded to few decimals or to a grid: that error is a part of each fix's.
 
 Degrees of four decimals are steps of 11 m.  Those of five, of 1 m, are left as they are.
 """
@@ -11,10 +11,13 @@ from ..geodesy.angles import radians
 from ..geodesy.units import METRES_PER_DEGREE
 from ..observations import ROUNDED, Array, Fixes
 from .checks import Bools, Ints
+from .grids import Grid, grid_of
 
 _FULL = 5  # decimals, from which on nothing is done
 _FEWEST = 10  # places of a drive, so that it is no chance
 _EXACT = 5e-8  # degrees, up to which a place is at a step
+_SINGLE = 6.1e-8  # of a number: the error of one of single precision
+_SHARE = 1.0 / 12.0  # of a step's square: a larger one, for numbers cut off, makes levels worse
 _APART = 2e-8  # degrees, 2 mm: between fixes at one place
 
 
@@ -38,11 +41,14 @@ def decimals_of(lat: Array, lon: Array, first: Ints) -> Ints:
 
 
 def _are_steps(lat: Array, lon: Array, decimals: int) -> Bools:
-    """Whether both numbers have no further decimals."""
-    return np.asarray(
-        (np.abs(lat - np.round(lat, decimals)) < _EXACT)
-        & (np.abs(lon - np.round(lon, decimals)) < _EXACT)
-    )
+    """Whether both numbers have no further decimals, but for what single precision takes."""
+    return _is_step(lat, decimals) & _is_step(lon, decimals)
+
+
+def _is_step(degrees: Array, decimals: int) -> Bools:
+    single = degrees == degrees.astype(np.float32)
+    exact = np.where(single, np.maximum(_EXACT, _SINGLE * np.abs(degrees)), _EXACT)
+    return np.asarray(np.abs(degrees - np.round(degrees, decimals)) < exact)
 
 
 def _places(lat: Array, lon: Array, first: Ints) -> Ints:
@@ -60,6 +66,15 @@ def _changes(*columns: Array | Ints) -> Bools:
     new = np.ones(len(columns[0]), np.bool_)
     new[1:] = np.logical_or.reduce([np.diff(column) != 0 for column in columns])
     return new
+
+
+def _steps(lat: Array, lon: Array, first: Ints) -> Grid:
+    """Degrees from line to line of the places of each drive, by their decimals or else a grid."""
+    decimals = decimals_of(lat, lon, first)
+    rounded = np.where(decimals < _FULL, 10.0**-decimals, 0.0)
+    if (rounded > 0.0).all():
+        return Grid(rounded, rounded)
+    return Grid(*(np.where(rounded > 0.0, rounded, step) for step in grid_of(lat, lon, first)))
 
 
 class Rounding(NamedTuple):
@@ -81,16 +96,15 @@ def rounding(lat: Array, lon: Array, first: Ints) -> Rounding | None:
         lon: (n,) degrees.
         first: (d,) where each drive begins.
     """
-    decimals = decimals_of(lat, lon, first)
-    if (decimals == _FULL).all():
+    steps = _steps(lat, lon, first)
+    if not (steps.lat > 0.0).any():
         return None
     drive = np.repeat(np.arange(len(first)), np.diff(first, append=len(lat)))
-    step = np.where(decimals < _FULL, METRES_PER_DEGREE * 10.0**-decimals, 0.0)[drive]
     row = np.arange(len(lat))
     again = row - np.maximum.accumulate(np.where(_changes(lat, lon, drive), row, 0))
-    moved = np.where((step > 0.0) & (again % 2 == 1), _APART, 0.0)
-    north = step**2 / 12.0
-    return Rounding(moved, north * np.cos(radians(lat)) ** 2, north)
+    moved = np.where((steps.lat[drive] > 0.0) & (again % 2 == 1), _APART, 0.0)
+    ee, nn = ((METRES_PER_DEGREE * step[drive]) ** 2 * _SHARE for step in (steps.lon, steps.lat))
+    return Rounding(moved, ee * np.cos(radians(lat)) ** 2, nn)
 
 
 def rounding_notes(fixes: Fixes | None, first: int = 0, end: int | None = None) -> tuple[str, ...]:
@@ -99,9 +113,17 @@ def rounding_notes(fixes: Fixes | None, first: int = 0, end: int | None = None) 
     if fixes is None or not len(rounded):
         return ()
     lat, lon = fixes.lat_deg[rounded], fixes.lon_deg[rounded]
-    decimals = int(decimals_of(lat, lon, np.zeros(1, np.int64))[0])
-    step = METRES_PER_DEGREE * 10.0**-decimals
+    new = (np.abs(np.diff(lat, prepend=np.inf)) > 1.5 * _APART) | (
+        np.diff(lon, prepend=np.inf) != 0
+    )
+    lat, lon, only = lat[new], lon[new], np.zeros(1, np.int64)
+    decimals, steps = int(decimals_of(lat, lon, only)[0]), _steps(lat, lon, only)
+    north, east = (METRES_PER_DEGREE * float(step[0]) for step in (steps.lat, steps.lon))
+    what = f"rounded to {decimals} decimals, steps of {north:.3g} m"
+    if decimals == _FULL:
+        east *= float(np.cos(radians(lat[0])))
+        what = f"on a grid, {north:.3g} m from south to north and {east:.3g} m from west to east"
     return (
-        f"coordinates are rounded to {decimals} decimals, steps of {step:.3g} m: "
-        f"{step / 12**0.5:.2g} m were added to the sigmas of the fixes; give all decimals",
+        f"coordinates are {what}: {north * _SHARE**0.5:.2g} m were added to the sigmas of the "
+        "fixes; give all decimals",
     )
