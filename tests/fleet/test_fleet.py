@@ -317,6 +317,7 @@ def test_a_run_goes_on_only_as_it_began(tmp_path, town, table):
     car = whichroad.Vehicle(driving_side="left")
     with pytest.raises(WriteError, match="other vehicle"):
         run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", vehicle=car, resume=True)
+    assert not (tmp_path / "out" / "points").exists()  # what is refused leaves nothing
     (tmp_path / "out" / "drives" / "part-00001.parquet").unlink()
     done = run_fleet(tmp_path / "t.parquet", town, tmp_path / "out", workers=1, resume=True)
     assert done.units_before == done.units - 1

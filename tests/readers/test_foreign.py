@@ -59,13 +59,26 @@ def test_commas_of_thousands_are_not_decimal():
     [
         ("49.4957N", "8.6577E", "write them so"),
         (4929.742, 839.461, "write them so"),
-        (494957064, 86576808, "--columns lat_e7="),
+        (494957064, 86576808, "1e-7 degrees, give them by --columns lat_e7="),
+        (49495706, 8657680, "1e-6 degrees, give them by --columns lat_e6="),
+        (5482661.25, 475152.5, "metres in a plane, .*--crs"),
+        (5482661, 475152, "metres in a plane, .*--crs"),
     ],
 )
 def test_places_that_are_no_degrees_are_shown(lat, lon, what):
     frame = pd.DataFrame({"time": T0 + np.arange(3), "lat": lat, "lon": lon})
     with pytest.raises(ReadError, match=f"for example '{lat}' and '{lon}'; .*{what}"):
         drive_from_table(frame)
+    if not isinstance(lat, str):
+        with pytest.raises(ReadError, match=what):
+            drive_from_table(frame.assign(speed_mps=9.0))
+
+
+def test_places_in_millionths_of_degrees_are_read_by_their_name():
+    frame = pd.DataFrame({"time": T0 + np.arange(3), "lat_e6": 49495706, "lon_e6": 8657680})
+    (drive,) = drive_from_table(frame)
+    assert drive.fixes.lat_deg == pytest.approx([49.495706] * 3)
+    assert drive.fixes.lon_deg == pytest.approx([8.65768] * 3)
 
 
 def test_points_and_commas_in_one_column_are_not_guessed_at(put):

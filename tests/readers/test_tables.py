@@ -152,7 +152,7 @@ def test_cells_of_several_kinds_are_read_as_text_is(cells):
     assert drive.fixes.lat_deg.tolist() == expected.fixes.lat_deg.tolist()
 
 
-@pytest.mark.parametrize("worthless", [1000.1, 5000.0, 9999.0, 1e9])
+@pytest.mark.parametrize("worthless", [1000.1, 5000.0, 9999.0, 1e9, 1e200, np.inf])
 @pytest.mark.parametrize("name", ["sigma_m", "accuracy", "sigma_n_m"])
 def test_a_fix_whose_error_is_beyond_use_is_skipped_and_counted(name, worthless, sound):
     factor = RADIUS_68 if name == "accuracy" else 1.0
@@ -541,6 +541,17 @@ def test_points_of_a_geodataframe_are_brought_to_degrees(sound):
     (drive,) = drive_from_table(frame)
     sound(drive)
     assert drive.fixes.lat_deg == pytest.approx([49.4] * N)
+
+
+@pytest.mark.parametrize("form", ["wkt", "wkb_hex"])
+def test_points_may_be_words_of_wkt_or_digits_of_wkb(form, tmp_path):
+    import shapely
+
+    cells = [getattr(shapely.Point(8.7, 49.4 + k * 1e-3), form) for k in range(N - 2)]
+    frame = pd.DataFrame({"time": T0 + np.arange(N), "geom": [*cells, "", None]})
+    (drive,) = drive_from_table(frame)
+    assert drive.fixes.lat_deg == pytest.approx(49.4 + 1e-3 * np.arange(N - 2))
+    assert drive.skipped == {"no position": 2}
 
 
 def test_points_of_a_geodataframe_without_a_system_are_in_that_of_the_caller(sound):

@@ -152,7 +152,11 @@ def test_every_form_of_the_table_gives_the_same_map(town, tmp_path):
         {**{c: town[c] for c in town if c != "geometry"}, "wkb": town.to_wkb().geometry}
     )
     plain = pandas.DataFrame(town.to_wkt(rounding_precision=15))
+    ewkb = shapely.to_wkb(shapely.set_srid(town.geometry.values, 4326), True, include_srid=True)
+    digits = town.drop(columns="geometry").assign(geom=ewkb)  # as PostGIS writes it
+    digits.to_csv(tmp_path / "b.csv", index=False)
     forms = [*(tmp_path / f"a.{s}" for s in ("parquet", "geojson", "gpkg", "csv")), arrow, plain]
+    forms += [pandas.DataFrame(digits), tmp_path / "b.csv"]
     for form in [*forms, str(tmp_path / "a.csv"), pyarrow.parquet.read_table(forms[0])]:
         same(roads, RoadMap.from_edges(form), 0.02)  # GeoJSON has seven decimals
 

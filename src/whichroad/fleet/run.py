@@ -146,8 +146,9 @@ def run_fleet(
         )
     if held is None and any(folder.glob("drives/*.parquet")):
         raise WriteError(f"{folder}: it holds tables without a manifest; choose an empty folder")
-    _make(folder, [*(["points"] if points != "none" else []),
-                   *(["ahead", "nearby"] if places is not None else [])])  # fmt: skip
+    tables = ["points"] * (points != "none") + ["ahead", "nearby"] * (places is not None)
+    if held is None:
+        _make(folder, tables)
     compiled, roads = _compiled(map, folder, crs)
     Lag.of(lag)
     task = Task(
@@ -158,6 +159,9 @@ def run_fleet(
     now = manifest.asked(task, inputs, order, roads.identity)
     if held is not None:
         manifest.check_same(folder, held[0], now)
+        _make(folder, tables)
+    if isinstance(roads, RoadMap) and compiled.parent == folder.resolve() / _WORK:
+        roads.save(compiled)
     sweep(task)
     size = workers or cores()
     units = _units(folder, inputs, now, held and held[1], task, memory, size, unit_rows)
@@ -214,13 +218,12 @@ def _make(folder: Path, tables: Sequence[str]) -> None:
 
 
 def _compiled(map: str | Path, folder: Path, crs: Any) -> tuple[Path, RoadMap | RoadMaps]:
-    """The path of a compiled map or of a folder of them, and the map or maps."""
+    """The path that a compiled map or a folder of them has or will have, and the map or maps."""
     if is_folder(map):
         return Path(map).resolve(), shared_maps(Path(map))
     path, roads = Path(map), open_map(map, crs=crs)
     if not is_compiled(path):
         path = folder / _WORK / "compiled.map"
-        roads.save(path)
     return path.resolve(), roads
 
 

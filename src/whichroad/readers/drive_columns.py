@@ -34,6 +34,7 @@ _USED: dict[type, frozenset[str]] = {
     WithGyro: frozenset(("yaw_rate",)),
 }
 _STALE = 0.5  # s, largest age of what one sensor says beside the reading of another
+_VAGUE = 1e9  # m, far beyond `WORST`
 _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
 _TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
 
@@ -100,13 +101,14 @@ def _covariance(
     ee, en, nn = get("cov_ee"), get("cov_en"), get("cov_nn")
     if ee is not None and nn is not None:
         return ee, np.zeros(len(ee)) if en is None else np.where(np.isnan(en), 0.0, en), nn
-    major, minor, bearing = get("sigma_major"), get("sigma_minor"), get("sigma_bearing")
+    major, minor = _bounded(get("sigma_major")), _bounded(get("sigma_minor"))
+    bearing = get("sigma_bearing")
     if major is not None and minor is not None and bearing is not None:
         return from_ellipse(major, minor, bearing)
-    east, north = get("sigma_e"), get("sigma_n")
+    east, north = _bounded(get("sigma_e")), _bounded(get("sigma_n"))
     if east is not None and north is not None:
         return east**2, np.zeros(len(east)), north**2
-    circle, accuracy = get("sigma"), get("accuracy")
+    circle, accuracy = _bounded(get("sigma")), _bounded(get("accuracy"))
     if circle is None and accuracy is not None:
         circle = accuracy / RADIUS_68
     if circle is None:
@@ -117,6 +119,11 @@ def _covariance(
         keep(~unknown, NO_ACCURACY, skipped)
     variance = np.where(unknown, np.nan, circle**2)
     return variance, np.zeros(len(circle)), variance
+
+
+def _bounded(sigma: Array | None) -> Array | None:
+    """An error that says nothing of the place, however large it is, also where it is infinite."""
+    return None if sigma is None else np.minimum(sigma, _VAGUE)
 
 
 def _odometry(

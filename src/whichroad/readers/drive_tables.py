@@ -26,7 +26,7 @@ from .csv_text import no_column
 from .dates import Writing, taken_as_utc
 from .drive_columns import MOTION, WHEELS, Columns, drive_of
 from .gears import reversing
-from .geometries import places_of, unproject
+from .geometries import places_of, said_of_degrees, unproject
 from .gpx import read_gpx
 from .names import SENSED, Seen, normal
 from .odometry_fit import with_fit_notes
@@ -43,7 +43,6 @@ from .without_times import invented_times
 _NO_VALUES = ("time", "date", "gear", "drive_id", "vehicle_id", "row_id", "geometry",
               "north_south", "east_west")  # fmt: skip
 _FAR = timedelta(hours=23)  # offset that no zone has: it tells rows that name theirs
-_IN_1E7 = "where they are in 1e-7 degrees, give them by --columns lat_e7=...,lon_e7=... (columns=)"
 _NO_TIMES = frozenset(
     (
         *("", "index", "unnamed_0", "id", "fid", "n", "no", "nr", "number", "seq", "order"),
@@ -322,8 +321,9 @@ def _check_places(columns: Columns, seen: Seen, where: str) -> None:
     """Raise where no place of a table can be understood, and nothing else is in it."""
     if not {"lat", "lon"} <= columns.keys() & seen.found.keys():
         return
-    others = [q for q in columns if q in MOTION or q.startswith(SENSED)]
     lat, lon = columns["lat"], columns["lon"]
+    moving = MOTION - {"speed"} if np.isfinite(lat).any() else MOTION  # beside places: a receiver's
+    others = [q for q in columns if q in moving or q.startswith(SENSED)]
     if is_place(lat, lon).any() or any(np.isfinite(columns[q]).any() for q in others):
         return
     cells = [strings(seen.table.column(seen.found[q].place)) for q in ("lat", "lon")]
@@ -331,12 +331,10 @@ def _check_places(columns: Columns, seen: Seen, where: str) -> None:
     first = next(((a, b) for a, b, other in told if a and b and other), None)
     if first is None:
         return
-    whole = np.abs(lat[np.isfinite(lat)])
-    in_1e7 = len(whole) > 0 and float(whole.max()) > 1e6
     raise ReadError(
         f"{where}: no row has both a latitude and a longitude that can be understood, for example "
         f"{first[0][:40]!r} and {first[1][:40]!r}; degrees, such as 49.4093 and 8.6937, were "
-        f"expected; {_IN_1E7 if in_1e7 else 'write them so'}"
+        f"expected; {said_of_degrees(lat, lon)}"
     )
 
 

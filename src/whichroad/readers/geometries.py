@@ -12,6 +12,8 @@ from .names import Column
 if TYPE_CHECKING:
     import pyarrow as pa
 
+_MOST_METRES = 1.1e7  # of a northing
+_MOST_MINUTES = 18_000.0  # of degrees and minutes, as NMEA writes them
 _UNSAID = object()  # a geometry whose metadata say nothing of its reference system
 
 
@@ -65,6 +67,8 @@ def _points(column: "pa.ChunkedArray", where: str) -> tuple[Array, Array]:
     import pyarrow as pa
     import shapely
 
+    from ..roadmap.sheet import from_texts
+
     kind = getattr(column.type, "storage_type", column.type)
     try:
         if pa.types.is_struct(kind):  # GeoArrow's own encoding of points
@@ -78,10 +82,12 @@ def _points(column: "pa.ChunkedArray", where: str) -> tuple[Array, Array]:
             x, y = (np.array(pa.compute.list_element(cells, k), np.float64) for k in (0, 1))
             return x, y
         values = column.to_pylist()
-        if any(isinstance(v, str) for v in values):
-            points = shapely.from_wkt(values)
-        else:
+        words = [isinstance(value, str) and bool(value.strip()) for value in values]
+        if not any(words):
             points = shapely.from_wkb(values)
+        else:
+            points = np.full(len(values), None, object)
+            points[words] = from_texts(np.array(values, object)[words])
         points[shapely.is_empty(points)] = None  # an empty point has no coordinates to ask for
         return shapely.get_x(points), shapely.get_y(points)
     except (shapely.errors.ShapelyError, pa.ArrowException, TypeError, ValueError) as error:
@@ -111,3 +117,22 @@ def unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
     known = np.isfinite(x) & np.isfinite(y)
     # pyproj returns infinity for what lies outside its grid, and for NaN
     return np.where(known, lon, np.nan), np.where(known, lat, np.nan)
+
+
+def said_of_degrees(lat: Array, lon: Array) -> str:
+    """What to do with numbers that are no degrees, by their size."""
+    sizes = [np.abs(column[np.isfinite(column)]) for column in (lat, lon)]
+    north, east = (float(size.max(initial=0.0)) for size in sizes)
+    whole = all((size == np.round(size)).all() for size in sizes)
+    if whole and max(north, east) > _MOST_METRES:
+        unit = "e7" if north > 90e6 or east > 180e6 else "e6"
+        return (
+            f"where they are in 1{unit[0]}-{unit[1]} degrees, give them by --columns "
+            f"lat_{unit}=...,lon_{unit}=... (columns=)"
+        )
+    if max(north, east) > _MOST_MINUTES:
+        return (
+            "where they are metres in a plane, give them by --columns x=...,y=... (columns=) and "
+            "its system by --crs (crs=), for example EPSG:32632"
+        )
+    return "write them so"

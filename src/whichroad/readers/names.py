@@ -91,6 +91,7 @@ NAMES: dict[str, dict[str, float]] = {
             "latitudedegrees latitude_degrees location_latitude"
         ),
         **_names("latitudee7 latitude_e7 lat_e7", 1e-7),
+        **_names("latitudee6 latitude_e6 lat_e6", 1e-6),
     },
     "lon": {
         **_names(
@@ -99,6 +100,7 @@ NAMES: dict[str, dict[str, float]] = {
             "longitudedegrees longitude_degrees location_longitude"
         ),
         **_names("longitudee7 longitude_e7 lon_e7 lng_e7", 1e-7),
+        **_names("longitudee6 longitude_e6 lon_e6 lng_e6", 1e-6),
     },
     "north_south": _names("n_s ns lat_hemisphere"),
     "east_west": _names("e_w ew lon_hemisphere"),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import MapError
-from .sheet import Sheet
+from .sheet import Sheet, from_texts
 
 
 class _Edge(NamedTuple):
@@ -106,7 +106,7 @@ def _sheet(
         )
     shapes = _objects([edge.tags.get("geometry") for edge in rows])
     words = np.array([isinstance(shape, str) for shape in shapes], dtype=bool)
-    shapes[words] = shapely.from_wkt(shapes[words].astype(str), on_invalid="ignore")
+    shapes[words] = from_texts(shapes[words])
     bad = int(sum(shape is None for shape in shapes[words]))
     straight = [k for k, edge in enumerate(rows) if edge.tags.get("geometry") in (None, "")]
     for k in straight:

@@ -1,6 +1,7 @@
 """A table of roads in memory: columns by name, geometries, coordinate system."""
 
 import json
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from ..errors import MapError
 
 GEOMETRY = ("geometry", "geom", "geom_wkt", "wkt", "the_geom", "wkb", "wkb_geometry", "shape")
+_HEX = re.compile(r"\s*0[01](?:[0-9A-Fa-f]{2}){8,}\s*")  # byte order, kind, and more
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +94,23 @@ def _sheet(where: str, columns: dict[str, NDArray[Any]], name: str | None, crs: 
     found = there.copy()
     found[~shapely.is_geometry(there)] = None
     with np.errstate(invalid="ignore", over="ignore"):  # no numbers: `lines` counts them
-        found[words] = shapely.from_wkt(there[words], on_invalid="ignore")
+        found[words] = from_texts(there[words])
         found[raw] = shapely.from_wkb(there[raw], on_invalid="ignore")
     geometry = np.full(len(cells), None, dtype=object)
     geometry[~absent] = found
     bad = int(sum(g is None for g in found))
     return Sheet(where, columns, geometry, crs, bad)
+
+
+def from_texts(cells: NDArray[Any]) -> NDArray[Any]:
+    """Shapes of WKT, or of WKB in hexadecimal digits, as PostGIS writes it; None of other texts."""
+    import shapely
+
+    wkb = np.array([bool(_HEX.fullmatch(cell)) for cell in cells], dtype=bool)
+    found = np.full(len(cells), None, dtype=object)
+    found[wkb] = shapely.from_wkb(cells[wkb], on_invalid="ignore")
+    found[~wkb] = shapely.from_wkt(cells[~wkb], on_invalid="ignore")
+    return found
 
 
 def is_absent(value: Any) -> bool:
