@@ -21,9 +21,9 @@ FROM_HDOP = 1  # Fixes.flags: covariance from HDOP times the range error
 ASSUMED = 2  # covariance is the settings' default, nothing was reported
 NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon were used
 FROM_QUALITY = 8  # sigma of FROM_HDOP or ASSUMED that the receiver's kind of fix has changed
-ROUNDED = 16  # the covariance has the error of coordinates with few decimals added
-INTERPOLATED = 32  # no fix: the place lies on a line between others of its drive
+ROUNDED, INTERPOLATED = 16, 32  # few decimals, in the covariance; on a line between fixes: none
 HELD_SPEED, HELD_COURSE, ZERO_SPEED = 64, 128, 256  # not used: it repeats the row before; is 0
+CUT_SPEED, COARSE_COURSE = 512, 1024  # half a step was added to the speed; the course is not used
 
 SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that reports no sigma
 MOVING = 1.0  # m/s, below it a course over ground means nothing

@@ -28,6 +28,7 @@ from ..observations import (
 from ..sensors.validation import validated
 from ..settings import Settings, Vehicle
 from .checks import Skipped, in_order
+from .coarse_steps import coarse_notes
 from .drive_columns import steered, unused
 from .mixed_rows import mixed_notes
 from .reported_fixes import Reported, make_fixes
@@ -78,7 +79,8 @@ def drive_of_observations(
     located = make_fixes(_reported(fixes), settings, skipped) if fixes else None
     sensed = sorted((o for o in possible if isinstance(o, SensorReading)), key=lambda o: o.time)
     notes = (
-        *notes, *mixed_notes(located), *rounding_notes(located), *resampling_notes(located)
+        *notes, *mixed_notes(located), *rounding_notes(located), *resampling_notes(located),
+        *coarse_notes(located),
     )  # fmt: skip
     return Drive(
         "drive", located, odometry, skipped=dict(skipped), notes=notes, sensed=tuple(sensed)

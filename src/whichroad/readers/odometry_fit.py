@@ -20,6 +20,7 @@ from ..observations import (
     WithGyro,
 )
 from ..settings import Vehicle
+from .coarse_steps import coarse_notes
 from .drive_columns import unused
 from .mixed_rows import mixed_notes
 from .resampled import resampling_notes
@@ -68,7 +69,8 @@ def with_fit_notes(drive: Drive, vehicle: Vehicle) -> Drive:
     if drive.gyro is not None:
         notes += unused({"yaw_rate"}, drive.odometry) or [_SECOND]
     notes += [
-        *mixed_notes(drive.fixes), *rounding_notes(drive.fixes), *resampling_notes(drive.fixes)
+        *mixed_notes(drive.fixes), *rounding_notes(drive.fixes), *resampling_notes(drive.fixes),
+        *coarse_notes(drive.fixes),
     ]  # fmt: skip
     return replace(drive, notes=(*drive.notes, *notes)) if notes else drive
 

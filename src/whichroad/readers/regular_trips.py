@@ -18,6 +18,7 @@ from .arrow_columns import numbers, times
 from .bare_times import tick_of
 from .checks import LAST, Bools, Ints, Skipped
 from .clock_change import clock_changes
+from .coarse_steps import COARSE, coarse_notes
 from .dates import Writing
 from .drive_columns import Columns, reported
 from .fix_quality import NO_FIX
@@ -117,11 +118,12 @@ def batched_fixes(
     fixes = completed(reported(columns, skipped), begin[:-1], settings, skipped)
     if skipped:
         return None
-    if (fixes.flags & (ROUNDED | RESAMPLED)).any():
+    if (fixes.flags & (ROUNDED | RESAMPLED | COARSE)).any():
         for trip, (low, high) in zip(
             np.flatnonzero(regular).tolist(), pairwise(begin), strict=True
         ):
-            said = (*rounding_notes(fixes, low, high), *resampling_notes(fixes, low, high))
+            kinds = (rounding_notes, resampling_notes, coarse_notes)
+            said = [note for notes_on in kinds for note in notes_on(fixes, low, high)]
             notes[trip] = (*notes.get(trip, ()), *said)
     return RegularTrips(fixes, regular, notes)
 

@@ -27,6 +27,7 @@ from ..observations import (
 from ..sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE, TOO_VAGUE, WORST
 from ..settings import Settings
 from .checks import Bools, Ints, Skipped, in_order, keep
+from .coarse_steps import coarse_steps
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
 from .interpolated_places import interpolated
 from .late_speeds import Columns, in_time
@@ -167,9 +168,16 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
     told = Columns(speed, r.sigma_speed, course)
     if made is None and wrong is None:
         told = in_time(r.time, (r.lat_deg, r.lon_deg), told, first, skipped)
+    coarse = coarse_steps(r.time, r.lat_deg, r.lon_deg, told.speed, told.course, first)
     speed, sigma_speed = _or_unknown(told.speed, told.sigma_speed, len(r.time))
-    course = told.course
-    bearing, sigma_bearing = _course(course, speed, sigma_speed)
+    if coarse is not None:
+        speed = speed + coarse.more
+        flags |= coarse.flags
+    bearing, sigma_bearing = _course(told.course, speed, sigma_speed)
+    if coarse is not None:
+        given = False if told.sigma_speed is None else told.sigma_speed >= coarse.speed_sigma
+        sigma_speed = np.where(given, sigma_speed, np.hypot(sigma_speed, coarse.speed_sigma))
+        sigma_bearing = np.hypot(sigma_bearing, coarse.course_sigma)
     if wrong is not None:
         speed = np.where(wrong.no_speed, 0.0, speed)
         sigma_speed = np.where(wrong.no_speed, np.inf, sigma_speed)
