@@ -11,6 +11,7 @@ from .diagnosis.finding import Finding
 from .diagnosis.findings import findings_of
 from .diagnosis.further_sensors import further_findings, readings_of
 from .diagnosis.map_offset import MapError, map_error_of
+from .diagnosis.off_roads import off_road_findings
 from .diagnosis.sensor_states import SensorTrack, states_of
 from .diagnosis.sensors import (
     column_findings,
@@ -68,11 +69,12 @@ class Recorded(NamedTuple):
     map_error: MapError | None = None  # as learnt
     withheld: tuple[Finding, ...] = ()  # sensors that are wrong, as far as `diagnosis` names them
     further: tuple[Finding, ...] = ()  # the same of further sensors
+    off_roads: tuple[Finding, ...] = ()  # a drive that is not on the mapped roads
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
         """Settings that do not fit the data; found when asked for."""
-        return self.diagnose()
+        return (*self.off_roads, *self.diagnose())
 
 
 def localize_recorded(
@@ -158,18 +160,34 @@ def localize_recorded(
         # settings are not judged by sensors that are wrong
         return (*further, *tick_findings(timeline.tick), *(withheld or fit()))
 
+    def off_roads(answered: Output) -> tuple[Finding, ...]:
+        return tuple(off_road_findings(epochs, answered.rows, [0, n], roads.arrays).values())
+
     heaviest, evidence = heaviest_chain(path, belief), float(state["log_evidence"][0])
     if lag is None or not history.count["steps"][0]:
         workspace.give_back()
         return Recorded(
-            output, heaviest, diagnose, None, evidence, counts, track, off, withheld, further
+            output,
+            heaviest,
+            diagnose,
+            None,
+            evidence,
+            counts,
+            track,
+            off,
+            withheld,
+            further,
+            off_roads(output),
         )
     past = Past(roads, history, path, epochs, output, lag)
     smoothed = smooth(past, ctx, buffers)  # first: the path is chosen by smoothed probabilities
     best = heaviest if is_sparse(timeline) else BestChains(history, path, roads.arrays).found()
     past = past._replace(history=without_states(history), path=entries_of(path))
     workspace.give_back()
-    return Recorded(smoothed, best, diagnose, past, evidence, counts, track, off, withheld, further)
+    return Recorded(
+        smoothed, best, diagnose, past, evidence, counts, track, off, withheld, further,
+        off_roads(smoothed),
+    )  # fmt: skip
 
 
 def is_sparse(timeline: Timeline) -> bool:

@@ -294,7 +294,7 @@ class Job(NamedTuple):
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag,
                 poses=self.places is not None,
             )  # fmt: skip
-            wrong = (finding.note for finding in recorded.withheld)
+            wrong = (finding.note for finding in (*recorded.withheld, *recorded.off_roads))
             further = (finding.note for finding in recorded.further)
             notes = (*notes, *further, *wrong)
             epochs, output = timeline.epochs, recorded.output

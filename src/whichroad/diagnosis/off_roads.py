@@ -1,0 +1,91 @@
+"""Recorded drives that lie beside the mapped roads, or would lie on them if they were moved."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .._compile import Records
+from ..graph.network import Roads
+from ..observations import Array
+from .common_shift import fit_to_roads
+from .finding import Finding
+
+_LOOKED_AT = 0.03  # mean P off the roads, from which on a drive is looked at
+_WINDOW = 10.0  # s, over which motion is told by fixes
+_STANDS, _FASTEST = 0.7, 60.0  # m/s, between which fixes tell of motion
+_WAY = 1500.0  # m, below which a drive says too little
+_SHIFTED, _OFF = 0.05, 0.5  # shares of the way off the roads, at which places may be moved; are off
+_AWAY = 10.0  # m from roads on average, above which places are beside them
+
+
+def off_road_findings(
+    epochs: Records, rows: Records, first: Sequence[int], roads: Roads
+) -> dict[int, Finding]:
+    """What is to be said of recorded drives that are not on the mapped roads.
+
+    Args:
+        epochs: (n,) EPOCH, drive after drive.
+        rows: (n,) ESTIMATE.
+        first: (d + 1,) the epoch at which each begins, and n.
+        roads: The map.
+
+    Returns:
+        By the number of the drive.
+    """
+    n = first[-1]
+    off = rows.view(np.ndarray)["p_off_road"][:n]
+    sizes = np.diff(first)
+    if not n or not sizes.all():
+        return {}
+    mean = np.add.reduceat(off, first[:-1]) / sizes
+    told = {}
+    for drive in np.flatnonzero(mean > _LOOKED_AT).tolist():
+        own = slice(first[drive], first[drive + 1])
+        if finding := _of_drive(epochs[own].view(np.ndarray), off[own], roads):
+            told[drive] = finding
+    return told
+
+
+def _of_drive(epochs: Records, off: Array, roads: Roads) -> Finding | None:
+    """What is said of one drive."""
+    at = np.flatnonzero((epochs["has_fix"] > 0) & (epochs["filled"] == 0))
+    if len(at) < 2:
+        return None
+    time = epochs["time"][at]
+    at = at[np.diff(np.floor((time - time[0]) / _WINDOW), prepend=-1.0) > 0.0]
+    time, x, y = epochs["time"][at], epochs["fix"][at, 0], epochs["fix"][at, 1]
+    lasted, way = np.diff(time), np.hypot(np.diff(x), np.diff(y))
+    moves = (way > _STANDS * lasted) & (way < _FASTEST * lasted)
+    lasted, way = lasted[moves], way[moves]
+    driven = float(way.sum())
+    if driven < _WAY:
+        return None
+    share = float((off[at[1:]][moves] @ way) / driven)
+    if share < _SHIFTED:
+        return None
+    fit = fit_to_roads(x, y, roads)
+    shift = None if fit is None else fit.shift
+    if fit is not None and fit.away < _AWAY:
+        return None
+    return _off_roads(share, shift) if shift is not None or share > _OFF else None
+
+
+def _off_roads(share: float, shift: tuple[float, float] | None) -> Finding:
+    """A drive beside the mapped roads; by which shift it would lie on them, where there is one."""
+    most = _OFF if shift is None else _SHIFTED
+    if shift is None:
+        text = (
+            "most of the way lies on no mapped road; is the map of this place, and are coordinates "
+            "in WGS 84? another datum or reference system moves all places; else the map lacks "
+            "these roads, or this is no motor vehicle"
+        )
+    else:
+        east, north = shift
+        sides = [(east, "east", "west"), (north, "north", "south")]
+        moved = " and ".join(f"{abs(m):.0f} m {a if m > 0.0 else b}" for m, a, b in sides if m)
+        text = (
+            f"the places lie beside the roads, and on them if all are moved by {moved}; are "
+            "coordinates in WGS 84? another datum, reference system or a vendor's offset moves all "
+            "places; correct them first"
+        )
+    return Finding("off roads", "warning", share, 0.0, most, text)

@@ -1,0 +1,75 @@
+"""Drives beside the mapped roads: moved as a whole, or on none of them."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import whichroad
+from whichroad.simulate import simulate_drive
+
+LAT, METRE = 49.4, 1.0 / 111_195.0
+EAST = METRE / np.cos(np.radians(LAT))  # degrees of longitude a metre
+NAMES = ("off roads",)
+
+
+def driven(roads: whichroad.RoadMap, seed: int, length: float = 4000.0) -> pd.DataFrame:
+    fixes = simulate_drive(roads, seed=seed, length_m=length).drive.fixes
+    return pd.DataFrame({"time": fixes.time, "lat": fixes.lat_deg, "lon": fixes.lon_deg})
+
+
+def shifted(frame: pd.DataFrame, east: float, north: float) -> pd.DataFrame:
+    return frame.assign(lat=frame.lat + north * METRE, lon=frame.lon + east * EAST)
+
+
+def turned(frame: pd.DataFrame, degrees: float) -> pd.DataFrame:
+    """The drive turned about its middle, where it fits no road."""
+    east, north = (frame.lon - frame.lon.mean()) / EAST, (frame.lat - frame.lat.mean()) / METRE
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return frame.assign(
+        lat=frame.lat.mean() + (s * east + c * north) * METRE,
+        lon=frame.lon.mean() + (c * east - s * north) * EAST,
+    )
+
+
+def said(frame: pd.DataFrame, roads: whichroad.RoadMap, lag: str | None = None) -> list[str]:
+    """What `match` and `match_many` both say."""
+    alone = whichroad.match(frame, roads, lag=lag)
+    findings = [one for one in alone.diagnosis if one.what in NAMES]
+    assert all(one.level == "warning" for one in findings)
+    many = whichroad.match_many(frame.assign(trip_id="a"), roads, lag=lag)
+    notes = [n for n in many.drives["notes"].to_pylist()[0] if n.startswith(NAMES)]
+    assert notes == [one.note for one in findings]
+    return notes
+
+
+def by(note: str, *sides: str) -> float:
+    """By how many metres to one side the note says that places are to be moved."""
+    found = re.search(rf"(\d+) m ({'|'.join(sides)})", note)
+    return 0.0 if found is None else float(found[1]) * (1.0 if found[2] == sides[0] else -1.0)
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+@pytest.mark.parametrize("shift", [(50.0, -40.0), (-60.0, 0.0), (350.0, 350.0), (-20.0, 500.0)])
+def test_places_that_are_moved_as_a_whole_are_named_with_the_way_back(town, shift, lag):
+    (note,) = said(shifted(driven(town, 3), *shift), town, lag)
+    assert note.startswith("off roads: the places lie beside the roads, and on them if all are")
+    back = by(note, "east", "west"), by(note, "north", "south")
+    assert np.hypot(back[0] + shift[0], back[1] + shift[1]) < 25.0
+
+
+def test_a_drive_that_fits_no_road_is_named_without_a_shift(town):
+    (note,) = said(turned(driven(town, 3), 38.0), town)
+    assert note.startswith("off roads: most of the way lies on no mapped road; is the map of this")
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_nothing_is_said_of_a_drive_on_its_roads_nor_of_a_yard_beside_them(town, seed):
+    frame = driven(town, seed)
+    assert said(frame, town) == []
+    at, way = len(frame) // 2, 5.0 * np.arange(60)
+    north = 40.0 * np.sin(way / 25.0)
+    out = shifted(frame.iloc[[at] * 120], np.r_[way, way[::-1]], np.r_[north, north])
+    yard = pd.concat([frame[:at], out, frame[at:]])
+    assert said(yard.assign(time=frame.time[0] + np.arange(len(yard))), town) == []
