@@ -1,4 +1,4 @@
-"""Drives beside the mapped roads: moved as a whole, or on none of them."""
+"""Drives beside the mapped roads: moved as a whole, on none of them, or by no motor vehicle."""
 
 import re
 
@@ -11,7 +11,7 @@ from whichroad.simulate import simulate_drive
 
 LAT, METRE = 49.4, 1.0 / 111_195.0
 EAST = METRE / np.cos(np.radians(LAT))  # degrees of longitude a metre
-NAMES = ("off roads",)
+NAMES = ("off roads", "no motor vehicle")
 
 
 def driven(roads: whichroad.RoadMap, seed: int, length: float = 4000.0) -> pd.DataFrame:
@@ -73,3 +73,28 @@ def test_nothing_is_said_of_a_drive_on_its_roads_nor_of_a_yard_beside_them(town,
     out = shifted(frame.iloc[[at] * 120], np.r_[way, way[::-1]], np.r_[north, north])
     yard = pd.concat([frame[:at], out, frame[at:]])
     assert said(yard.assign(time=frame.time[0] + np.arange(len(yard))), town) == []
+
+
+def at_pace(frame: pd.DataFrame, pace: float) -> pd.DataFrame:
+    """The way of a drive at an even pace, one row a second, without the stops."""
+    way = np.hypot(np.diff(frame.lat) / METRE, np.diff(frame.lon) / EAST)
+    way = np.append(0.0, np.cumsum(np.where(way > 2.0, way, 0.0)))
+    at = np.arange(0.0, way[-1], pace)
+    random = np.random.default_rng(1)
+    return pd.DataFrame({
+        "time": frame.time[0] + np.arange(len(at)),
+        "lat": np.interp(at, way, frame.lat) + METRE * random.normal(0.0, 0.5, len(at)),
+        "lon": np.interp(at, way, frame.lon) + EAST * random.normal(0.0, 0.5, len(at)),
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(("pace", "who"), [(1.4, "somebody on foot"), (4.5, "a bicycle")])
+def test_who_walks_or_cycles_off_the_roads_is_named(town, pace: float, who: str):
+    frame = at_pace(driven(town, 3, 3000.0), pace)
+    (note,) = said(turned(frame, 38.0), town)
+    assert note.startswith(f"no motor vehicle: it moves as {who}, and partly off the roads")
+
+
+@pytest.mark.parametrize("pace", [1.4, 4.5])
+def test_a_slow_vehicle_on_the_roads_is_not(town, pace: float):
+    assert said(at_pace(driven(town, 3, 3000.0), pace), town) == []

@@ -1,4 +1,4 @@
-"""Recorded drives that lie beside the mapped roads, or would lie on them if they were moved."""
+"""Recorded drives that lie beside the mapped roads, and those of who drives no motor vehicle."""
 
 from collections.abc import Sequence
 
@@ -16,6 +16,9 @@ _STANDS, _FASTEST = 0.7, 60.0  # m/s, between which fixes tell of motion
 _WAY = 1500.0  # m, below which a drive says too little
 _SHIFTED, _OFF = 0.05, 0.5  # shares of the way off the roads, at which places may be moved; are off
 _AWAY = 10.0  # m from roads on average, above which places are beside them
+_SLOW_WAY, _SLOW_TIME = 1000.0, 600.0  # m and s in motion, the same for who is slow
+_FOOT, _FOOT_FAST, _FOOT_OFF = 2.2, 4.0, 0.1  # m/s, median and 95 %; share of the way off roads
+_BICYCLE_FAST, _BICYCLE_OFF = 9.0, 0.4
 
 
 def off_road_findings(
@@ -58,16 +61,31 @@ def _of_drive(epochs: Records, off: Array, roads: Roads) -> Finding | None:
     moves = (way > _STANDS * lasted) & (way < _FASTEST * lasted)
     lasted, way = lasted[moves], way[moves]
     driven = float(way.sum())
-    if driven < _WAY:
+    if driven < _SLOW_WAY:
         return None
     share = float((off[at[1:]][moves] @ way) / driven)
-    if share < _SHIFTED:
+    pace, fast = np.quantile(way / lasted, (0.5, 0.95)).tolist()
+    slow = lasted.sum() > _SLOW_TIME
+    if slow and pace < _FOOT and fast < _FOOT_FAST and share > _FOOT_OFF:
+        return _no_motor("somebody on foot", pace, _FOOT)
+    if driven < _WAY or share < _SHIFTED:
         return None
     fit = fit_to_roads(x, y, roads)
     shift = None if fit is None else fit.shift
     if fit is not None and fit.away < _AWAY:
         return None
+    if shift is None and slow and fast < _BICYCLE_FAST and share > _BICYCLE_OFF:
+        return _no_motor("a bicycle", fast, _BICYCLE_FAST)
     return _off_roads(share, shift) if shift is not None or share > _OFF else None
+
+
+def _no_motor(who: str, pace: float, least: float) -> Finding:
+    """A drive of somebody on foot or on a bicycle."""
+    return Finding(
+        "no motor vehicle", "warning", pace, least, _FASTEST,
+        f"it moves as {who}, and partly off the roads; only motor vehicles are followed: foot and "
+        "cycle ways are not in the network, so it is off road there, or on a street beside them",
+    )  # fmt: skip
 
 
 def _off_roads(share: float, shift: tuple[float, float] | None) -> Finding:
