@@ -92,6 +92,17 @@ def test_who_starts_forwards_without_fixes_is_not_thought_to_back_up():
     assert rows.protection_level[-1] < 60.0
 
 
+def test_who_rolls_on_slowly_and_never_stands_is_not_put_where_it_began():
+    ramp = np.linspace(10.0, 0.15, 50)
+    speed = np.concatenate([np.full(600, 10.0), ramp, np.full(40, 0.15), ramp[::-1]])
+    x = 500.0 + np.cumsum(0.1 * speed)
+    n = len(x)
+    truth = Truth(0.1 * np.arange(n), x, np.full(n, -1.75), np.zeros(n), x - x[0])
+    rows = localize(ROADS, counted_up(truth)).output.rows
+    assert wrong_by(rows, truth)[200:].max() < 10.0
+    assert (rows.cov[200:, 0] + rows.cov[200:, 3]).max() < 60.0
+
+
 @pytest.mark.parametrize("by", [BY_WHEELS, BY_GYRO])
 def test_mirrored_is_the_way_of_the_tail(by: int):
     """2 m of arc while the vehicle turns to the left by 0.3 rad, backwards."""

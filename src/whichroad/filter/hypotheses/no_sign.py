@@ -242,6 +242,8 @@ def consider_backing(belief: Belief, ctx: Context, epoch: Record, dt: float) -> 
     _follow(way, float(epoch.arc), dt)
     stands = way.crept < _STARTS if way.rests == 1 else way.speed < _RESTS
     if stands:
+        if way.rests == 0:  # it may roll on, slowly
+            way.crept = 0.0
         way.rests = 1
         way.rested += dt
     elif way.starts == 0 or (way.rests == 1 and way.metres > _SHORTEST):
