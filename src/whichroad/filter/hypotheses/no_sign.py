@@ -6,7 +6,7 @@ that backs up, with the prior
 
     P(backs up) = 1/10     at its first start, and after a long stop
                   1/200    where it has hardly driven since the last start: it manoeuvres
-                  1/5      where it stands across its road; 1/50 off the roads
+                  1/5      where it stands across its road, far from nodes; 1/50 off the roads
                   1/1000   elsewhere
 
 and one that has backed up drives on with 9/10.  Fixes and roads decide between them.  Backing up
@@ -18,6 +18,7 @@ import math
 from ..._compile import Record, kernel
 from ...graph.geometry import wrap
 from ...graph.index import vertex_at
+from ...graph.network import Roads
 from ..motion import Increment
 from ..records import COPIES
 from ..state import (
@@ -48,6 +49,7 @@ from ..vetting.windows import BY_WHEELS, UNTURNED
 _PARKED, _MANOEUVRES, _USUALLY, _ENDS = 0.1, 5e-3, 1e-3, 0.9
 _ACROSS, _OFF_ROADS = 0.2, 0.02  # the same across its road, and off the roads
 _ATHWART = 0.7  # cosine of the angle to its road, below which it stands across it
+_JUNCTION = 20.0  # m from a node, up to which it may be in the midst of a junction
 _LONG_STOP = 60.0  # s
 _SHORT_WAY, _SHORTEST = 30.0, 1.0  # m, since the last start; it has not stopped since
 _TIME = 0.15  # s, time constant of the speed
@@ -97,23 +99,28 @@ def face_course(belief: Belief) -> None:
 
 
 @kernel
-def _may_turn(state: Record, hyp: Record, share: float) -> float:
-    """P(a hypothesis backs up), where it is `share` on a road that it drives along."""
+def _may_turn(state: Record, roads: Roads, hyp: Record, share: float) -> float:
+    """P(a hypothesis backs up), where it is `share` on a road that it drives along.
+
+    Who waits in the midst of a junction stands across its road, too.
+    """
     if state.mode != WHEELS or share == 0.0:
         return share
     if hyp.edge == OFF_ROAD:
         return max(share, _OFF_ROADS)
+    if min(hyp.along, roads.edges[hyp.edge].length - hyp.along) < _JUNCTION:
+        return share
     ahead = math.cos(hyp.mu[H]) * hyp.tangent[0] + math.sin(hyp.mu[H]) * hyp.tangent[1]
     return max(share, _ACROSS) if abs(ahead) < _ATHWART else share
 
 
 @kernel
-def _split(belief: Belief, share: float, least: float) -> None:
+def _split(belief: Belief, roads: Roads, share: float, least: float) -> None:
     """Give each hypothesis of weight a twin that drives the other way from now on."""
     state = belief.state[0]
     for i in range(state.count):
         hyp = belief.hyp[i]
-        part = _ENDS if hyp.backs == 1 else _may_turn(state, hyp, share)
+        part = _ENDS if hyp.backs == 1 else _may_turn(state, roads, hyp, share)
         if part == 0.0 or hyp.weight < least or state.count >= CAPACITY:
             continue
         move_row(belief, i, state.count)
@@ -254,7 +261,7 @@ def consider_backing(belief: Belief, ctx: Context, epoch: Record, dt: float) -> 
         if parked:
             share = _PARKED
         if way.speed < _FAST:
-            _split(belief, share, _OF_PARKED if parked else _SPLITS)
+            _split(belief, ctx.roads, share, _OF_PARKED if parked else _SPLITS)
         way.starts, way.rests = 1, 0
         way.rested, way.metres = 0.0, float(way.crept)
     else:
