@@ -108,6 +108,24 @@ def test_a_receiver_that_smooths_is_not_late(lag: float):
     assert abs(delay_of(driven, fixes_of(np.array(out), time), PLANE)) < 0.5
 
 
+def slipping(time: np.ndarray, metres: np.ndarray, slip: float) -> np.ndarray:
+    """The same by wheels that spin while the car becomes faster, and lock while it brakes."""
+    steps = np.diff(metres, prepend=metres[0])
+    speed = np.convolve(np.gradient(metres, time), np.ones(5) / 5.0, "same")
+    change = np.gradient(speed, time)
+    return metres[0] + np.cumsum(steps * (1.0 + slip * ((change > 0.4) - 1.2 * (change < -0.6))))
+
+
+@pytest.mark.parametrize("slip", [0.1, 0.15])
+def test_wheels_that_slip_are_no_delay(slip: float):
+    for seed in range(6):
+        true = motion(seed)
+        time = np.arange(0.5, SECONDS - 1.0)
+        fixes = fixes_of(np.interp(time, true.time, true.distance), time, seed)
+        driven = true._replace(distance=slipping(true.time, true.distance, slip))
+        assert delay_of(driven, fixes, PLANE) == 0.0
+
+
 @pytest.fixture(scope="module")
 def ride(town):
     """Eight kilometres of a car with wheels."""
@@ -211,3 +229,15 @@ def test_on_line_a_delay_is_learnt_while_driving(town, ride, late, wheels):
     assert error["late"] < error["sound"] + 1.5
     names = {one.what: one.statistic for one in online.diagnosis}
     assert names == {"clock": pytest.approx(late - wheels, abs=0.35)}
+
+
+def test_on_line_wheels_that_slip_are_no_delay(town, ride):
+    """By a quarter of their way, both alike: turns are as measured, and no clock is named."""
+    o = ride.drive.odometry
+    middle = 0.5 * (o.left + o.right)
+    more = slipping(o.time, middle, 0.25) - middle
+    drive = replace(ride.drive, odometry=replace(o, left=o.left + more, right=o.right + more))
+    online = Localizer(town, vehicle=ride.vehicle)
+    for one in one_by_one(drive):
+        online.update(one)
+    assert "clock" not in [one.what for one in online.diagnosis]

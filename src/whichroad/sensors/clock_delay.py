@@ -29,6 +29,10 @@ _WORTH = 0.35  # s
 _SURE, _VERY_SURE = 60.0, 2500.0  # mean squares by which a delay reduces their sum; more where
 _LOOSE = 3.0  # these are larger than the variance of fixes, times this at most
 _PARTS, _OF_PARTS = 8, (-0.01, 0.8)  # of the drive; least and largest share of that reduction
+_STEP, _STEADY, _SLIPS = 0.5, 0.1, 0.5  # s; m/s², from which on wheels may slip, and then do
+_TRIED: Array = np.linspace(0.0, 1.5, 31)  # of a delay, tried beside slip;
+_BESIDE_SLIP = 0.85  # of it, which must be found so,
+_OF_SLIP = 5.0  # s, where it is shorter than slip can feign
 
 
 class _Pairs(NamedTuple):
@@ -38,6 +42,14 @@ class _Pairs(NamedTuple):
     begin: Array  # s
     end: Array
     variance: float  # of a fix, as reported, m²
+
+
+class _Slip(NamedTuple):
+    """Way while the speed changed, (n,) each: wheels may have slipped on it."""
+
+    time: Array  # s
+    faster: Array  # m, driven until then while it grew,
+    slower: Array  # and while it fell
 
 
 def delay_of(motion: Motion, fixes: Fixes | None, plane: Plane) -> float:
@@ -68,7 +80,9 @@ def delay_of(motion: Motion, fixes: Fixes | None, plane: Plane) -> float:
         return 0.0
     a, b, c = left[k - 1 : k + 2]
     delay = float(delays[k] + 0.5 * (delays[1] - delays[0]) * (a - c) / (a - 2.0 * b + c))
-    return delay if abs(delay) > _WORTH else 0.0
+    if abs(delay) <= _WORTH or (0.0 < delay < _OF_SLIP and _is_slip(motion, pairs, delay)):
+        return 0.0
+    return delay
 
 
 def _pairs(fixes: Fixes, plane: Plane) -> _Pairs:
@@ -102,9 +116,16 @@ def _left(motion: Motion, pairs: _Pairs, delays: Array) -> Array:
 
 
 def _squares(
-    motion: Motion, pairs: _Pairs, delays: Array, changes: tuple[float, ...] = _CHANGE
+    motion: Motion,
+    pairs: _Pairs,
+    delays: Array,
+    changes: tuple[float, ...] = _CHANGE,
+    slip: _Slip | None = None,
 ) -> Array:
-    """Squares of what each delay does not explain, outliers cut, (delays, pairs), m²."""
+    """Squares of what each delay does not explain, outliers cut, (delays, pairs), m².
+
+    With `slip`, wheels may have turned too much or too little while the speed changed.
+    """
     longest = delays.max() + _PACE + changes[-1]
     inside = (pairs.begin - longest > motion.time[0]) & (pairs.end - delays.min() < motion.time[-1])
     n = int(inside.sum())
@@ -122,6 +143,9 @@ def _squares(
         pace = (ways[: len(before) // 2] - ways[len(before) // 2 :]) / _PACE
         change = pace[0] - pace[1:]
         changed = change[:, n:] - change[:, :n]  # receivers that smooth lag then
+        if slip is not None:
+            ways = [np.interp(fixes - delay, slip.time, one) for one in (slip.faster, slip.slower)]
+            changed = np.array([*changed, *(one[n:] - one[:n] for one in ways), way])
         square = changed @ changed.T + 1e-6 * np.eye(len(changed))
         off -= np.linalg.solve(square, changed @ off) @ changed
         most = _OUTLIERS * 1.4826 * float(np.median(np.abs(off)))
@@ -152,3 +176,26 @@ def _is_told(motion: Motion, pairs: _Pairs, delay: float) -> bool:
         return False
     sure = _SURE if rest < pairs.variance else _VERY_SURE
     return bool(gain.sum() > sure * rest and min(parts) > least and max(parts) < most)
+
+
+def _slip(motion: Motion) -> _Slip:
+    time = np.arange(motion.time[0], motion.time[-1], _STEP)
+    metres = np.interp(time, motion.time, motion.distance)
+    way = np.abs(np.diff(metres, append=metres[-1]))
+    change = np.gradient(np.gradient(metres, time), time)
+    faster, slower = (
+        np.cumsum(np.clip((side * change - _STEADY) / _SLIPS, 0.0, 1.0) * way)
+        for side in (1.0, -1.0)
+    )
+    return _Slip(time, faster, slower)
+
+
+def _is_slip(motion: Motion, pairs: _Pairs, delay: float) -> bool:
+    """Whether a delay of fixes becomes less where wheels may slip.
+
+    Wheels that slip run ahead of the vehicle while it becomes faster, and fall behind while it
+    brakes, as if fixes were late.
+    """
+    delays = _TRIED * delay
+    left = _squares(motion, pairs, delays, slip=_slip(motion)).mean(axis=1)
+    return bool(delays[left.argmin()] < _BESIDE_SLIP * delay)

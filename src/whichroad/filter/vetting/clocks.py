@@ -42,7 +42,7 @@ def heed_clocks(latency: Record, epoch: Record, scale: float, valid: bool) -> No
             _widen(latency, epoch)
         return
     oldest = latency.places[max(latency.kept - PLACES, 0) % PLACES][0]
-    known = epoch.time - oldest > latency.state[DELAY] + CHANGE + PACE
+    known = epoch.time - oldest > latency.estimate.state[DELAY] + CHANGE + PACE
     due = known and epoch.time - latency.time >= SOONEST
     if latency.late == PUNCTUAL and not due:
         return
@@ -60,7 +60,7 @@ def _mend_fix(latency: Record, epoch: Record, scale: float, frame: Frame, then: 
     """Move a late fix on to now; sigmas have what is not known of its delay."""
     if latency.late == PUNCTUAL:
         return
-    sigma = math.sqrt(latency.cov[DELAY, DELAY])
+    sigma = math.sqrt(latency.estimate.cov[DELAY, DELAY])
     smoothed = 0.0
     if latency.late == FIXES:
         epoch.fix[0] += scale * then.dx
@@ -82,7 +82,7 @@ def _mend_fix(latency: Record, epoch: Record, scale: float, frame: Frame, then: 
 @kernel
 def _widen(latency: Record, epoch: Record) -> None:
     """A late fix is off by its way since then, in a direction that is not known."""
-    _, _, arc, _ = place_at(latency, epoch.time - min(latency.state[DELAY], LONGEST))
+    _, _, arc, _ = place_at(latency, epoch.time - min(latency.estimate.state[DELAY], LONGEST))
     way = abs(latency.here[2] - arc)
     for axis in range(2, 4):
         epoch.fix[axis] = math.hypot(epoch.fix[axis], way)
@@ -113,7 +113,7 @@ def mend_odometry(latency: Record, reading: Record) -> None:
     here[2] += reading.arc
     here[3] += reading.turn
     _, _, arc, turn = place_at(latency, reading.time - _LEAD)
-    ahead = -latency.state[DELAY] / _LEAD if late else 0.0
+    ahead = -latency.estimate.state[DELAY] / _LEAD if late else 0.0
     metres = max(ahead * (here[2] - arc) - latency.lead[0], -max(reading.arc, 0.0))
     turned = ahead * (here[3] - turn) - latency.lead[1]
     reading.arc += metres

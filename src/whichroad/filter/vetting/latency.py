@@ -5,6 +5,9 @@ like an error along the road.  Where the vehicle changes its velocity, the fix l
 velocity times the delay, as no error of a receiver does.  A filter of four states beside the
 mixture tells these apart: what fixes err anyway (two axes), the delay, and what only lasts while
 the velocity changes, as receivers that smooth their fixes lag then.
+
+Wheels that slip while they accelerate and brake feign late fixes, but not in turns.  A second
+filter of the same states learns from turns alone: where the speed changes, the way is unsure.
 """
 
 import math
@@ -12,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..._compile import Record, kernel
+from ..._compile import Record, Vector, kernel
 
 PUNCTUAL, FIXES, ODOMETRY = range(3)  # what is late
 
@@ -26,6 +29,7 @@ CHANGE = 2.0  # s, and its change
 SOONEST, _LATEST = 0.45, 6.0  # s between fixes that are compared
 _BIAS_TIME = 80.0  # s for which errors of receivers last
 _OF_WAY = 0.08  # of the way: error of the odometry
+_OF_SLIP, _SLIPS = 1.0, 0.3  # the same where wheels may slip; m/s², from which on they do
 _STANDS, _DRIFTS = 0.3, 2.0  # m, of a vehicle that stands; m²/s, its fixes may drift
 _WHITE, _LEAST = 0.7, 0.5  # of the reported sigma, m: what is new in every fix
 _FITS = 1.7  # usual chi-square an axis, up to which a delay explains the errors
@@ -39,7 +43,19 @@ _WORTH = (0.15, 0.3)  # s, of late fixes and late odometry, from which on they a
 _SURE, _CONFIRMED = 0.95, 8.0  # P of that from which on it is mended, and s for which it is so
 _WHILE, _NEWS = 20.0, 10.0  # s between two events; what one tells of the delay, 1/s²
 _EVENTS = 2  # that must have told of it
+_IN_TURNS, _SEEN_IN_TURNS = 0.7, 2.0  # share of a delay that turns show, and sigmas of that
 _OTHERWISE = 0.08  # s, by which receivers that smooth their fixes look late
+
+ESTIMATE = np.dtype(
+    [
+        ("state", "f8", (_STATES,)),
+        ("cov", "f8", (_STATES, _STATES)),
+        ("row", "f8", (2, _STATES)),  # buffers of one observation, for both axes
+        ("gain", "f8", (2, _STATES)),
+        ("misfit", "f8"),  # usual chi-square an axis
+    ],
+    align=True,
+)
 
 LATENCY = np.dtype(
     [
@@ -55,15 +71,13 @@ LATENCY = np.dtype(
         ("time", "f8"),  # of the last fix that was compared, s; minus infinity: none
         # the fix (plane), the antenna from M (m), and M by odometry then, m; two axes each
         ("last", "f8", (6,)),
+        ("pace", "f8"),  # m/s, then
         ("error", "f8", (2,)),  # of fixes less the way by odometry since the start, m
-        ("state", "f8", (_STATES,)),
-        ("cov", "f8", (_STATES, _STATES)),
-        ("row", "f8", (2, _STATES)),  # buffers of one observation, for both axes
-        ("gain", "f8", (2, _STATES)),
+        ("estimate", ESTIMATE),  # by all that changes the velocity,
+        ("turns", ESTIMATE),  # and by its direction alone, as wheels that slip do not change that
         ("known", "f8"),  # 1/s², what is known of the delay, at the last event,
         ("event_at", "f8"),  # s, when that was,
         ("events", "i8"),  # and how often it was
-        ("misfit", "f8"),  # usual chi-square an axis
         ("sure_at", "f8"),  # s, until which it was not sure
         ("late", "u1"),  # PUNCTUAL, FIXES or ODOMETRY
         ("found", "u1"),  # 1: with this fix it has changed
@@ -98,31 +112,38 @@ def clear_latency(latency: Record) -> None:
     """Begin: nothing was seen."""
     latency.time = -math.inf
     latency.heading[1] = math.inf
-    latency.misfit = _AT_FIRST
     latency.sure_at = math.inf
     latency.event_at = -math.inf
     latency.events = 0
     latency.known = 0.0
     latency.found = latency.late != PUNCTUAL
     latency.late = PUNCTUAL
+    _begin(latency.estimate)
+    _begin(latency.turns)
+
+
+@kernel
+def _begin(estimate: Record) -> None:
+    estimate.misfit = _AT_FIRST
     for i in range(_STATES):
-        latency.state[i] = 0.0
+        estimate.state[i] = 0.0
         for j in range(_STATES):
-            latency.cov[i, j] = 0.0
+            estimate.cov[i, j] = 0.0
     for i in range(2):
-        latency.cov[i, i] = _ANYWHERE
-        latency.cov[DELAY + i, DELAY + i] = _PRIOR[i] ** 2
+        estimate.cov[i, i] = _ANYWHERE
+        estimate.cov[DELAY + i, DELAY + i] = _PRIOR[i] ** 2
 
 
 def found_delay(latency: Record) -> float:
     """How late fixes were found to be, s; negative: the odometry; 0: clocks agree."""
-    return float(latency["state"][DELAY]) if latency["late"] != PUNCTUAL else 0.0
+    return float(latency["estimate"]["state"][DELAY]) if latency["late"] != PUNCTUAL else 0.0
 
 
 def assume_delay(latency: Record, delay: float) -> None:
     """Begin with what a delay was found to be, s."""
-    latency["state"][DELAY] = delay
-    latency["cov"][DELAY, DELAY] = _ASSUMED**2
+    for name in ("estimate", "turns"):
+        latency[name]["state"][DELAY] = delay
+        latency[name]["cov"][DELAY, DELAY] = _ASSUMED**2
     latency["late"] = FIXES if delay > 0.0 else ODOMETRY
 
 
@@ -183,7 +204,7 @@ def velocity(latency: Record, frame: Frame, time: float) -> tuple[float, float]:
 @kernel
 def delayed(latency: Record, frame: Frame, time: float) -> Delayed:
     """Motion about the time that a fix held."""
-    delay = min(max(latency.state[DELAY], 0.0), LONGEST)
+    delay = min(max(latency.estimate.state[DELAY], 0.0), LONGEST)
     px, py, _, _ = place_at(latency, time - delay)
     x = latency.here[0] - px
     y = latency.here[1] - py
@@ -205,6 +226,8 @@ def compare(latency: Record, epoch: Record, scale: float, frame: Frame, then: De
     x = c * latency.antenna[0] - s * latency.antenna[1]
     y = s * latency.antenna[0] + c * latency.antenna[1]
     last = latency.last
+    _, _, before, _ = place_at(latency, epoch.time - PACE)
+    pace = (latency.here[2] - before) / PACE
     if since < _LATEST:
         forward = latency.here[0] - last[4]
         left = latency.here[1] - last[5]
@@ -212,15 +235,24 @@ def compare(latency: Record, epoch: Record, scale: float, frame: Frame, then: De
         across = frame.s * forward + frame.c * left
         latency.error[0] += (epoch.fix[0] - last[0]) / scale - (x - last[2]) - along
         latency.error[1] += (epoch.fix[1] - last[1]) / scale - (y - last[3]) - across
-        variance = epoch.fix[2] * epoch.fix[3] * max(latency.misfit, 1.0)
+        variance = epoch.fix[2] * epoch.fix[3] * max(latency.estimate.misfit, 1.0)
         of_way = (_OF_WAY**2 + latency.heading[1]) * (forward * forward + left * left)
         freed = 2.0 * variance * since / _BIAS_TIME + of_way
         if forward * forward + left * left < _STANDS * _STANDS:
             freed += _DRIFTS * since
-        _update(latency, then, max(_WHITE * math.sqrt(variance), _LEAST) ** 2, freed)
+        white = max(_WHITE * math.sqrt(variance), _LEAST) ** 2
+        slips = _OF_SLIP * min(abs(pace - latency.pace) / (since * _SLIPS), 1.0)
+        _free(latency.estimate, freed)
+        _free(latency.turns, freed)
+        _stretch(latency.turns, slips * along, slips * across)
+        if _update(latency.estimate, latency.error, then, white):
+            latency.events = 0
+        _update(latency.turns, latency.error, then, white)
     else:
-        _free(latency, _ANYWHERE)
+        _free(latency.estimate, _ANYWHERE)
+        _free(latency.turns, _ANYWHERE)
     latency.time = epoch.time
+    latency.pace = pace
     last[0] = epoch.fix[0]
     last[1] = epoch.fix[1]
     last[2] = x
@@ -230,62 +262,70 @@ def compare(latency: Record, epoch: Record, scale: float, frame: Frame, then: De
 
 
 @kernel
-def _free(latency: Record, variance: float) -> None:
+def _free(estimate: Record, variance: float) -> None:
     """Let the error of fixes change."""
-    latency.cov[0, 0] += variance
-    latency.cov[1, 1] += variance
+    estimate.cov[0, 0] += variance
+    estimate.cov[1, 1] += variance
 
 
 @kernel
-def _observe(latency: Record, then: Delayed, axis: int) -> float:
+def _stretch(estimate: Record, x: float, y: float) -> None:
+    """Let the error of fixes change along a way, by so much (m, one sigma)."""
+    estimate.cov[0, 0] += x * x
+    estimate.cov[0, 1] += x * y
+    estimate.cov[1, 0] += x * y
+    estimate.cov[1, 1] += y * y
+
+
+@kernel
+def _observe(estimate: Record, error: Vector, then: Delayed, axis: int) -> float:
     """Innovation of one axis; sets its row, and the gain times its variance."""
-    row = latency.row[axis]
+    row = estimate.row[axis]
     row[0] = 1.0 - axis
     row[1] = axis
     row[DELAY] = -then.vx if axis == 0 else -then.vy
     row[_SMOOTHING] = -then.ax if axis == 0 else -then.ay
-    off = latency.error[axis] + (then.dx if axis == 0 else then.dy) + row[DELAY] * then.delay
+    off = error[axis] + (then.dx if axis == 0 else then.dy) + row[DELAY] * then.delay
     for i in range(_STATES):
-        latency.gain[axis, i] = 0.0
+        estimate.gain[axis, i] = 0.0
         for j in range(_STATES):
-            latency.gain[axis, i] += latency.cov[i, j] * row[j]
-        off -= row[i] * latency.state[i]
+            estimate.gain[axis, i] += estimate.cov[i, j] * row[j]
+        off -= row[i] * estimate.state[i]
     return float(off)
 
 
 @kernel
-def _update(latency: Record, then: Delayed, white: float, freed: float) -> None:
-    """Kalman update by a fix; one that fits nothing says that its error has jumped."""
-    _free(latency, freed)
-    x = _observe(latency, then, 0)
-    y = _observe(latency, then, 1)
-    gain = latency.gain
+def _update(estimate: Record, error: Vector, then: Delayed, white: float) -> bool:
+    """Kalman update by a fix; one that fits nothing says that its error has jumped: true."""
+    x = _observe(estimate, error, then, 0)
+    y = _observe(estimate, error, then, 1)
+    gain = estimate.gain
     xx = yy = white
     xy = 0.0
     for i in range(_STATES):
-        xx += gain[0, i] * latency.row[0, i]
-        xy += gain[0, i] * latency.row[1, i]
-        yy += gain[1, i] * latency.row[1, i]
+        xx += gain[0, i] * estimate.row[0, i]
+        xy += gain[0, i] * estimate.row[1, i]
+        yy += gain[1, i] * estimate.row[1, i]
     det = xx * yy - xy * xy
     chi2 = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / det
-    latency.misfit += _NEW * (0.5 * min(chi2, _GATE) - latency.misfit)
+    estimate.misfit += _NEW * (0.5 * min(chi2, _GATE) - estimate.misfit)
     if chi2 > _GATE:  # or the delay is another one
-        _free(latency, _ANYWHERE)
-        latency.cov[DELAY, DELAY] += _OTHER_DELAY**2
-        latency.events = 0
-        return
+        _free(estimate, _ANYWHERE)
+        estimate.cov[DELAY, DELAY] += _OTHER_DELAY**2
+        return True
     for i in range(_STATES):
         by_x = (yy * gain[0, i] - xy * gain[1, i]) / det
         by_y = (xx * gain[1, i] - xy * gain[0, i]) / det
-        latency.state[i] += by_x * x + by_y * y
+        estimate.state[i] += by_x * x + by_y * y
         for j in range(_STATES):
-            latency.cov[i, j] -= by_x * gain[0, j] + by_y * gain[1, j]
+            estimate.cov[i, j] -= by_x * gain[0, j] + by_y * gain[1, j]
+    return False
 
 
 @kernel
 def _count_events(latency: Record) -> None:
     """Count the times, some while apart, that the vehicle has changed its velocity."""
-    known = 1.0 / latency.cov[DELAY, DELAY]
+    known = 1.0 / latency.estimate.cov[DELAY, DELAY]
     since = latency.time - latency.event_at
     if since < _WHILE:
         latency.known = known
@@ -298,25 +338,42 @@ def _count_events(latency: Record) -> None:
 @kernel
 def _p_late(latency: Record) -> float:
     """P(clocks differ) by as much as is worth it."""
-    delay = latency.state[DELAY]
+    delay = latency.estimate.state[DELAY]
     if abs(delay) < (_WORTH[0] if delay > 0.0 else _WORTH[1]):
         return 0.0
-    variance = latency.cov[DELAY, DELAY] + _OTHERWISE**2
+    variance = latency.estimate.cov[DELAY, DELAY] + _OTHERWISE**2
     odds = 0.5 * delay * delay / variance + math.log(_RARE * math.sqrt(variance) / _PRIOR[0])
     return float(1.0 / (1.0 + math.exp(-min(odds, 100.0))))
 
 
 @kernel
+def _shows_in_turns(latency: Record) -> bool:
+    """Whether turns show a delay as well, as they do not where wheels slip.
+
+    Wheels that slip run ahead while the vehicle becomes faster, and fall behind while it brakes,
+    as if fixes were late.  They never look as if the odometry was.
+    """
+    delay = latency.estimate.state[DELAY]
+    shown = latency.turns.state[DELAY]
+    sigma = math.sqrt(latency.turns.cov[DELAY, DELAY])
+    return bool(delay < 0.0 or shown > max(_IN_TURNS * delay, _SEEN_IN_TURNS * sigma))
+
+
+@kernel
 def decide(latency: Record) -> None:
     """What is late."""
-    delay = latency.state[DELAY]
+    delay = latency.estimate.state[DELAY]
     late = latency.late
     _count_events(latency)
-    if latency.misfit > _FITS or _p_late(latency) < _SURE:
+    if latency.estimate.misfit > _FITS or _p_late(latency) < _SURE:
         latency.sure_at = latency.time
     if abs(delay) < 0.5 * _WORTH[0]:
         late = PUNCTUAL
-    elif latency.time - latency.sure_at > _CONFIRMED and latency.events >= _EVENTS:
+    elif (
+        latency.time - latency.sure_at > _CONFIRMED
+        and latency.events >= _EVENTS
+        and _shows_in_turns(latency)
+    ):
         late = FIXES if delay > 0.0 else ODOMETRY
     latency.found = late != latency.late
     latency.late = late
