@@ -303,6 +303,28 @@ def test_a_reversed_course_is_named(sensors: int):
     assert "180 degrees off" in finding.advice or "179 degrees off" in finding.advice
 
 
+@pytest.mark.parametrize("every", [3, 4, 6])
+@pytest.mark.parametrize("sensors", [CLOCK, WHEELS])
+def test_a_single_wrong_fix_of_few_costs_speeds_and_courses_nothing(every: int, sensors: int):
+    """The way there and the way back are as far off as the fix."""
+    for off in (60.0, 150.0, -300.0):
+        drive = Drive()
+        drive.every = every
+        drive.fix[AT] += off, 0.5 * off
+        for vetting in drive.while_vetted(sensors):
+            assert withheld(vetting) == set()
+
+
+@pytest.mark.parametrize("every", [3, 4, 6])
+def test_a_reversed_course_is_withheld_after_three_sparse_legs(every: int):
+    drive = Drive()
+    drive.every = every
+    drive.course[AT:] += np.pi
+    refused = [bool(vetting.refused[COURSE]) for vetting in drive.while_vetted(CLOCK)]
+    assert not any(refused[:AT])
+    assert refused[AT + 3 * every * RATE]
+
+
 def test_a_course_that_never_changes_is_withheld():
     drive = Drive()
     drive.course[:] = np.pi / 2.0

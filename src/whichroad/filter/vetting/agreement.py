@@ -29,6 +29,7 @@ _ABOUT = 2.2  # rad, beyond which two turns have no sign: the vehicle drives bac
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
 _MOST, _LEAST = 6.0, -3.0  # of a score
+_AT_ONCE = 2.0  # s that one comparison tells of a receiver's speed or course at most
 _TURNS_ALONG = 0.1  # rad, by which courses that agree must turn before they are used
 _ALIKE = 0.3  # rad, within which two turns are alike
 _STOPPED = 10.0  # s after an impossible stop, within which fixes may confirm it
@@ -59,7 +60,12 @@ def moved(sigma: float) -> float:
 
 @kernel
 def count(vetting: Record, source: int, seconds: float) -> None:
-    """Count seconds of disagreement, or, negative, of agreement."""
+    """Count seconds of disagreement, or, negative, of agreement.
+
+    A fix that is off disagrees on the way there and on the way back, however long these take.
+    """
+    if source >= SPEED:  # or COURSE
+        seconds = min(seconds, _AT_ONCE)
     vetting.score[source] = min(max(vetting.score[source] + seconds, _LEAST), _MOST)
 
 

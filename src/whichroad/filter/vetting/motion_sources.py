@@ -161,6 +161,7 @@ def clear(vetting: Record) -> None:
     vetting.returned_at = -math.inf
     vetting.windows.jitter = 2.0
     vetting.windows.jumped_at = -math.inf
+    vetting.windows.left[2] = -math.inf
     vetting.windows.speed_time = -math.inf
     vetting.windows.now.odometry = 1
 

@@ -64,6 +64,7 @@ WINDOWS = np.dtype(
         ("vx", "f8"),  # m/s between the last two anchors, in the plane
         ("vy", "f8"),
         ("moves", "u1"),  # 1: these are known
+        ("left", "f8", (5,)),  # where they last jumped from: plane, s, and the velocity there, m/s
         ("jumped_at", "f8"),  # s, when positions last jumped
         ("jitter", "f8"),  # m by which fixes usually leave the line of those before,
         ("watched", "f8"),  # s for which that was seen
@@ -140,8 +141,9 @@ def add_fix(windows: Record, epoch: Record, scale: float, speed: bool) -> bool:
             return False
         vx = (epoch.fix[0] - last.x) / (scale * since)
         vy = (epoch.fix[1] - last.y) / (scale * since)
-        if _jumps(windows, vx, vy, since):
+        if _returns(windows, epoch, scale) or _jumps(windows, vx, vy, since):
             windows.jumped_at = epoch.time
+            windows.count = 0
         elif since > PAUSE:
             windows.count = 0
     now.time = epoch.time
@@ -174,8 +176,26 @@ def _sum_speed(windows: Record, epoch: Record, reported: bool) -> None:
 
 
 @kernel
+def _returns(windows: Record, epoch: Record, scale: float) -> bool:
+    """Whether a fix goes on where positions jumped from: the one between was off by itself."""
+    left = windows.left
+    since = epoch.time - left[2]
+    if windows.moves == 1 or since > 2.0 * PAUSE:
+        return False
+    vx = (epoch.fix[0] - left[0]) / (scale * since)
+    vy = (epoch.fix[1] - left[1]) / (scale * since)
+    change = math.hypot(vx - left[3], vy - left[4]) * since
+    if change > _BRAKES * since + _USUAL * windows.jitter:
+        return False
+    windows.moves = 1
+    windows.vx = vx
+    windows.vy = vy
+    return True
+
+
+@kernel
 def _jumps(windows: Record, vx: float, vy: float, since: float) -> bool:
-    """Whether positions change their velocity as no car does; the windows begin anew then."""
+    """Whether positions change their velocity as no car does; where they were is kept then."""
     change = math.hypot(vx - windows.vx, vy - windows.vy) * since
     jumped = windows.moves == 1 and change > _BRAKES * since + _USUAL * windows.jitter
     if windows.moves == 1:
@@ -183,7 +203,12 @@ def _jumps(windows: Record, vx: float, vy: float, since: float) -> bool:
         windows.jitter = kept * windows.jitter + (1.0 - kept) * min(change, _MOST_JITTER)
         windows.watched = min(windows.watched + since, _TIME_CONSTANT)
     if jumped:
-        windows.count = 0
+        last = windows.anchors[(windows.count - 1) % ANCHORS]
+        windows.left[0] = last.x
+        windows.left[1] = last.y
+        windows.left[2] = last.time
+        windows.left[3] = windows.vx
+        windows.left[4] = windows.vy
     windows.moves = 0 if jumped else 1
     windows.vx = vx
     windows.vy = vy
