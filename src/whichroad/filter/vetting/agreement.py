@@ -29,6 +29,7 @@ _ABOUT = 2.2  # rad, beyond which two turns have no sign: the vehicle drives bac
 _DIFFERS = 0.4  # rad, and two sigmas, from which on turns differ
 _MOST_DRIFT = 0.2  # rad/m: a wheel by a third larger
 _MOST, _LEAST = 6.0, -3.0  # of a score
+_BENT = 2.0  # rad of a bend within which its chord tells its way
 _AT_ONCE = 2.0  # s that one comparison tells of a receiver's speed or course at most
 _TURNS_ALONG = 0.1  # rad, by which courses that agree must turn before they are used
 _ALIKE = 0.3  # rad, within which two turns are alike
@@ -115,7 +116,7 @@ def weigh_distances(
 ) -> None:  # fmt: skip
     """Distance by fixes, odometer and receiver's speed: who disagrees with the others."""
     now = vetting.windows.now.time
-    bent = min(abs(turn), 2.0)
+    bent = min(abs(turn), _BENT)
     longer = 1.0 + bent * bent / 24.0 + bent**4 / 1000.0  # way over chord, on an arc
     fixes = seen.fixes * longer
     odometer = seen.odometer * longer if sensors == WHEELS else seen.odometer
@@ -140,6 +141,12 @@ def weigh_distances(
     by_odometer = differ(fixes, odometer, seen.sigma) if rolls else 0
     by_speed = differ(fixes, seen.receiver, seen.sigma) if reported else 0
     both = differ(odometer, seen.receiver, precise) if rolls and reported else 0
+    if abs(turn) > _BENT:  # a chord says little of the way
+        by_speed = 0
+        if sensors == WHEELS:
+            both = 0
+        else:
+            by_odometer = 0
     if sensors == WHEELS and by_odometer != 0:
         way = differ(fixes, abs(seen.arc), seen.sigma)
         if (by_odometer > 0 and way <= 0) or (by_odometer < 0 and way > 0):
