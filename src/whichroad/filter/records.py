@@ -126,7 +126,7 @@ GROSS = np.dtype(  # a fine receiver's error that may be a gross one, see `gnss.
 DIRECTION = np.dtype(  # of odometry that may have no sign, see `hypotheses.no_sign`
     [
         ("has_sign", "u1"),  # 1: it has one, as it has counted down
-        ("any", "u1"),  # 1: some hypothesis may back up
+        ("backing", "u1"),  # 1: some hypothesis may back up
         ("heard", "u1"),  # 1: the speed is known
         ("rests", "u1"),  # 1: the vehicle stands
         ("starts", "u1"),  # 1: the vehicle has started once

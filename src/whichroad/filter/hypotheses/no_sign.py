@@ -90,7 +90,7 @@ def own_arc(hyp: Record, arc: float) -> float:
 def face_course(belief: Belief) -> None:
     """Turn the headings of those that back up: they are compared with courses; again: turn back."""
     state = belief.state[0]
-    if state.direction.any == 0:
+    if state.direction.backing == 0:
         return
     for i in range(state.count):
         hyp = belief.hyp[i]
@@ -133,7 +133,7 @@ def _split(belief: Belief, roads: Roads, share: float, least: float) -> None:
         rescale(twin, part)
         rescale(hyp, 1.0 - part)
         state.count += 1
-    state.direction.any = 1
+    state.direction.backing = 1
     state.changed = 1
 
 
@@ -149,8 +149,8 @@ def _weigh(belief: Belief, arc: float, speed: float) -> None:
             found = True
             p += belief.hyp[i].weight
             rescale(belief.hyp[i], math.exp(-cost))
-    state.direction.any = 1 if found else 0
-    state.changed |= state.direction.any  # weights are yet to be normalised
+    state.direction.backing = 1 if found else 0
+    state.changed |= state.direction.backing  # weights are yet to be normalised
     if p > _MAYBE:
         state.direction.doubted = state.time
     if found and belief.hyp[heaviest(belief)].backs == 1:
@@ -222,7 +222,7 @@ def _forget(belief: Belief, factor: float) -> None:
         if belief.hyp[i].backs == 1:
             belief.hyp[i].backs = 0
             rescale(belief.hyp[i], factor)
-    state.direction.any = 0
+    state.direction.backing = 0
 
 
 @kernel
@@ -238,7 +238,7 @@ def consider_backing(belief: Belief, ctx: Context, epoch: Record, dt: float) -> 
     state = belief.state[0]
     way = state.direction
     if state.mode == CLOCK or way.has_sign == 1:
-        if way.any == 1:
+        if way.backing == 1:
             _forget(belief, 1.0 if state.mode == CLOCK else _HAS_SIGN)
         return
     if dt <= 1e-3:
@@ -266,8 +266,8 @@ def consider_backing(belief: Belief, ctx: Context, epoch: Record, dt: float) -> 
         way.rested, way.metres = 0.0, float(way.crept)
     else:
         way.rests = 0
-    if way.any == 1:
+    if way.backing == 1:
         _weigh(belief, float(epoch.arc), float(way.speed))
-    if way.any == 1 and way.speed > _TOO_FAST:
+    if way.backing == 1 and way.speed > _TOO_FAST:
         _face_about(belief, ctx)
-        way.any = 0
+        way.backing = 0
