@@ -57,6 +57,36 @@ def test_who_backs_up_is_where_fixes_say_and_within_the_level(mode: int):
     assert (rows.edge[late] == rows.edge[200]).all()
 
 
+@pytest.mark.parametrize(
+    ("rate", "step", "speed", "mode"),
+    [
+        (50, 0.045, 1.0, WHEELS),
+        (50, 0.045, 1.0, DISTANCE),
+        (10, 1.0, 2.0, DISTANCE),
+        (1, 0.0, 2.0, WHEELS),
+        (1, 0.0, 2.0, DISTANCE),
+    ],
+)
+def test_at_any_rate_and_by_coarse_counters(rate: int, step: float, speed: float, mode: int):
+    rest, ramp = np.zeros(4 * rate), np.arange(1, 2 * rate + 1) / (2 * rate)
+    legs = [rest]
+    for way, top in ((400.0, 10.0), (-40.0, speed), (200.0, 10.0)):
+        even = np.ones(round(rate * (abs(way) / top - 2.0)))
+        legs += [math.copysign(top, way) * np.concatenate([ramp, even, ramp[::-1]]), rest]
+    moved = np.concatenate(legs) / rate
+    x, n = 500.0 + np.cumsum(moved), len(moved)
+    way = np.cumsum(np.abs(moved))
+    truth = Truth(np.arange(n) / rate, x, np.full(n, -1.75), np.zeros(n), way)
+    epochs = epochs_of(truth, gnss(truth, sigma=2.0, seed=1), np.arange(0, n, rate))
+    if step:
+        epochs.arc = np.diff(np.floor(way / step) * step, prepend=0.0)
+    epochs.forward = epochs.arc
+    rows = localize(ROADS, epochs, mode=mode).output.rows
+    late = truth.time > 20.0
+    assert (wrong_by(rows, truth) < rows.protection_level)[late].all()
+    assert wrong_by(rows, truth)[late].max() < 20.0  # 80 m, when it counted as driving on
+
+
 def test_its_speed_is_negative_meanwhile():
     truth = along(400.0, -40.0, 200.0)
     rows = localize(ROADS, counted_up(truth)).output.rows

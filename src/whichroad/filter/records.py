@@ -132,6 +132,7 @@ DIRECTION = np.dtype(  # of odometry that may have no sign, see `hypotheses.no_s
         ("starts", "u1"),  # 1: the vehicle has started once
         ("speed", "f8"),  # m/s counted, low-pass filtered
         ("crept", "f8"),  # m counted without a pause
+        ("paused", "f8"),  # s since it counted last
         ("back", "f8"),  # m counted down without a pause,
         ("downs", "i8"),  # and how often
         ("rested", "f8"),  # s it has stood since it drove

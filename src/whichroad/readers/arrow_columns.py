@@ -41,7 +41,7 @@ class Times(NamedTuple):
     zoneless: bool = False  # some name no zone; the caller's, else UTC, was taken
     counted: bool = False  # bare numbers that count from another start, their unit is open
     dateless: bool = False  # times of day, counted from the midnight before the first
-    others: int = 0  # cells in another format than the column's first one
+    others: int = 0  # cells in another format than the one the column was read by
 
 
 def unparsable(name: str) -> str:

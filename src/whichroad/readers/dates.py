@@ -81,7 +81,7 @@ class Moments(NamedTuple):
 
     seconds: Array  # (n,) since 1970 UTC, NaN where a cell is no time
     zoneless: bool = False  # some name no zone; the caller's, else UTC, was taken
-    others: int = 0  # cells in another format than the column's first one
+    others: int = 0  # cells in another format than the one the column was read by
 
 
 def zone_of(name: str | None) -> tzinfo | None:

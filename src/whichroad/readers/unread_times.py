@@ -47,10 +47,13 @@ def no_time(seen: Seen, where: str, order: str | None) -> str:
             f"{where}: no row has both a latitude and a longitude that can be understood; "
             "degrees, such as 49.4093 and 8.6937, were expected"
         )
+    example = _example(seen)
+    if not example:
+        return f"{where}: column {seen.found['time'].name!r} is empty; times were expected"
     said = "" if order is None else f", or dates in the order {order} of dates (--dates)"
     return (
         f"{where}: column {seen.found['time'].name!r} holds no time that can be understood, such "
-        f"as {_example(seen)!r}; ISO 8601 (2026-06-01T08:00:00Z, or +02:00) or seconds since "
+        f"as {example!r}; ISO 8601 (2026-06-01T08:00:00Z, or +02:00) or seconds since "
         f"1970{said} were expected; write it so"
     )
 

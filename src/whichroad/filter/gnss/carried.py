@@ -70,7 +70,7 @@ def cover_carried(state: Record, out: Record, risk: float) -> None:
         risk: Of the level.
     """
     carried = state.separation.carried
-    if carried.p <= risk:
+    if carried.p <= risk or state.time - carried.time > _SILENT:
         return
     dx = (carried.place[0] - out.x) / state.scale
     dy = (carried.place[1] - out.y) / state.scale

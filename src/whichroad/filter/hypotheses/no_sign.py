@@ -52,14 +52,14 @@ _ATHWART = 0.7  # cosine of the angle to its road, below which it stands across 
 _JUNCTION = 20.0  # m from a node, up to which it may be in the midst of a junction
 _LONG_STOP = 60.0  # s
 _SHORT_WAY, _SHORTEST = 30.0, 1.0  # m, since the last start; it has not stopped since
-_TIME = 0.15  # s, time constant of the speed
+_TIME, _PAUSE = 0.15, 0.5  # s, time constant of the speed; without a count, that are a pause
 _RESTS, _STARTS = 0.25, 0.05  # m/s, below which it has come to rest; m, beyond which it starts
 _NOISE, _FAST = 0.1, 3.0  # m/s: it may still stand; it does not start from rest
 _BACK, _DOWNS = 0.3, 3  # m counted down, and times in a row, from which on odometry has a sign
 _HEARD = 10.0  # s without a fix, from which on only who was parked may back up
 _SPLITS, _OF_PARKED = 0.01, 1e-3  # weight of a hypothesis that gets a twin
 _ENDURES = 30.0  # m, on average, of backing up
-_SLOW, _TOO_FAST = 3.0, 6.0  # m/s
+_SLOW, _TOO_FAST, _AT_LEAST = 3.0, 6.0, 12.0  # m/s, m/s; and m since it started
 _UNDECIDED = 30.0  # m, for which a twin may have little weight
 _MAYBE = 0.05  # P of backing up, from which on odometry tells nothing of clocks
 _HAS_SIGN = 1e-6  # weight left to who backs up on odometry that has a sign
@@ -115,8 +115,8 @@ def _may_turn(state: Record, roads: Roads, hyp: Record, share: float) -> float:
 
 
 @kernel
-def _split(belief: Belief, roads: Roads, share: float, least: float) -> None:
-    """Give each hypothesis of weight a twin that drives the other way from now on."""
+def _split(belief: Belief, roads: Roads, share: float, least: float, crept: float) -> None:
+    """Give each hypothesis of weight a twin that drives the other way, `crept` m ago and on."""
     state = belief.state[0]
     for i in range(state.count):
         hyp = belief.hyp[i]
@@ -126,9 +126,9 @@ def _split(belief: Belief, roads: Roads, share: float, least: float) -> None:
         move_row(belief, i, state.count)
         twin = belief.hyp[state.count]
         twin.backs = 1 - hyp.backs
-        crept = 2.0 * state.scale * twin.mu[K] * own_arc(twin, float(state.direction.crept))
-        twin.mu[X] += crept * math.cos(twin.mu[H])
-        twin.mu[Y] += crept * math.sin(twin.mu[H])
+        back = 2.0 * state.scale * twin.mu[K] * own_arc(twin, crept)
+        twin.mu[X] += back * math.cos(twin.mu[H])
+        twin.mu[Y] += back * math.sin(twin.mu[H])
         twin.grace = max(float(hyp.grace), _UNDECIDED)
         rescale(twin, part)
         rescale(hyp, 1.0 - part)
@@ -206,12 +206,15 @@ def _counts_down(way: Record, arc: float) -> bool:
 @kernel
 def _follow(way: Record, arc: float, dt: float) -> None:
     """Low-pass the speed: odometers count in steps, and epochs may be short."""
-    if way.heard == 0:
-        way.heard = 1
-        way.speed = abs(arc) / dt
     way.speed += (abs(arc) - way.speed * dt) / (dt + _TIME)
     way.metres += abs(arc)
-    way.crept = way.crept + arc if abs(arc) > _NOISE * dt else 0.0
+    if abs(arc) > _NOISE * dt:
+        way.crept += arc
+        way.paused = 0.0
+        return
+    way.paused += dt
+    if way.paused > _PAUSE:
+        way.crept = 0.0
 
 
 @kernel
@@ -223,6 +226,21 @@ def _forget(belief: Belief, factor: float) -> None:
             belief.hyp[i].backs = 0
             rescale(belief.hyp[i], factor)
     state.direction.backing = 0
+    state.changed = 1
+
+
+@kernel
+def _start(belief: Belief, roads: Roads, crept: float) -> None:
+    """Let the vehicle start from rest, which it has left by `crept` m."""
+    state = belief.state[0]
+    way = state.direction
+    parked = way.starts == 0 or way.rested > _LONG_STOP
+    share = _MANOEUVRES if way.metres < _SHORT_WAY else _USUALLY
+    if state.time - state.last_fix > _HEARD:
+        share = 0.0
+    if parked:
+        share = _PARKED
+    _split(belief, roads, share, _OF_PARKED if parked else _SPLITS, crept)
 
 
 @kernel
@@ -246,6 +264,10 @@ def consider_backing(belief: Belief, ctx: Context, epoch: Record, dt: float) -> 
     if _counts_down(way, float(epoch.arc)):
         way.has_sign = 1
         return
+    if way.heard == 0:
+        way.heard = 1
+        way.speed = abs(epoch.arc) / dt
+    before = way.speed
     _follow(way, float(epoch.arc), dt)
     stands = way.crept < _STARTS if way.rests == 1 else way.speed < _RESTS
     if stands:
@@ -254,20 +276,14 @@ def consider_backing(belief: Belief, ctx: Context, epoch: Record, dt: float) -> 
         way.rests = 1
         way.rested += dt
     elif way.starts == 0 or (way.rests == 1 and way.metres > _SHORTEST):
-        parked = way.starts == 0 or way.rested > _LONG_STOP
-        share = _MANOEUVRES if way.metres < _SHORT_WAY else _USUALLY
-        if state.time - state.last_fix > _HEARD:
-            share = 0.0
-        if parked:
-            share = _PARKED
-        if way.speed < _FAST:
-            _split(belief, ctx.roads, share, _OF_PARKED if parked else _SPLITS)
+        if before < _FAST:
+            _start(belief, ctx.roads, float(way.crept - epoch.arc))
         way.starts, way.rests = 1, 0
         way.rested, way.metres = 0.0, float(way.crept)
     else:
         way.rests = 0
     if way.backing == 1:
         _weigh(belief, float(epoch.arc), float(way.speed))
-    if way.backing == 1 and way.speed > _TOO_FAST:
+    if way.backing == 1 and way.speed > _TOO_FAST and way.metres > _AT_LEAST:
         _face_about(belief, ctx)
         way.backing = 0
