@@ -155,7 +155,7 @@ def match(
         id: The column of tables whose values tell drives apart.
         columns: Own names of columns in tables, e.g. {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times in tables that name none, e.g. "Europe/Berlin"; None: UTC.
-        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
+        dates: "mdy", "dmy" or "ymd": the order in dates such as 06/01/2026 and 010626.
         progress: Called with (drive_id, epochs done, epochs in all).
 
     Returns:

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from whichroad.errors import ReadError
 from whichroad.readers import drive_from_table, read_drive
+from whichroad.readers.bare_times import are_clocks
 from whichroad.readers.dates import UNSAID, Writing, day_of, of_texts
-from whichroad.readers.splitting import in_time_order
+from whichroad.readers.splitting import in_time_order, split_trips
 
 START = datetime(2026, 3, 28, 22, 30, 0, tzinfo=UTC)
 T0 = START.timestamp()
@@ -196,8 +197,8 @@ def test_an_order_of_dates_that_does_not_fit_or_is_none_is_refused():
     frame = pd.DataFrame({"time": ["06/28/2026 10:00:00"] * N, "lat": LAT, "lon": 8.7})
     with pytest.raises(ReadError, match=r"'06/28/2026 10:00:00'; .* in the order dmy of dates"):
         drive_from_table(frame, dates="dmy")
-    with pytest.raises(ReadError, match="'ymd' is no order of day, month and year; mdy"):
-        drive_from_table(frame, dates="ymd")
+    with pytest.raises(ReadError, match="'ydm' is no order of day, month and year; mdy"):
+        drive_from_table(frame, dates="ydm")
 
 
 def test_the_order_of_dates_holds_where_vehicles_are_cut_into_trips():
@@ -304,6 +305,128 @@ def test_numbers_of_implausible_years_are_refused_or_count_from_a_start(tmp_path
         return
     said = " ".join(drive.notes)
     assert "from a start" in said or "count" in said
+
+
+def beside(moments, date, clock="%H%M%S", kind=str, **columns):
+    """A table of dates in a column of their own, and times of day."""
+    texts = {"date": moments.strftime(date), "time": moments.strftime(clock)}
+    cells = {name: values.astype(kind) for name, values in texts.items()}
+    n = len(moments)
+    return pd.DataFrame({**cells, "lat": LAT[:n], "lon": np.full(n, 8.7), **columns})
+
+
+@pytest.mark.parametrize("kind", [str, int])
+@pytest.mark.parametrize(
+    ("date", "order"),
+    [("%d%m%y", "dmy"), ("%y%m%d", "ymd"), ("%m%d%y", "mdy"), ("%d/%m/%y", "dmy"),
+     ("%y-%m-%d", "ymd"), ("%d%m%Y", "dmy")],
+)  # fmt: skip
+def test_dates_of_six_digits_are_read_in_the_order_that_is_told(tmp_path, date, order, kind):
+    if kind is int and not date.replace("%", "").isalpha():
+        return
+    moments = pd.date_range("2026-06-01 07:46:40", periods=N, freq="s")
+    table = beside(moments, date, kind=kind)
+    path = tmp_path / "x.csv"
+    table.to_csv(path, index=False)
+    for (drive,) in (drive_from_table(table, dates=order), read_drive(path, dates=order)):
+        assert drive.fixes.time == pytest.approx(moments.as_unit("s").asi8)
+    for read in (lambda: drive_from_table(table), lambda: read_drive(path)):
+        with pytest.raises(ReadError, match=r"column 'time': dates beside it such as '0?1?\d.*ymd"):
+            read()
+
+
+@pytest.mark.parametrize("date", ["%d%m%y", "%y%m%d", "%m%d%y"])
+@pytest.mark.parametrize("start", ["2026-05-28", "2026-06-11"])
+def test_dates_of_several_days_show_their_order(date, start):
+    moments = pd.date_range(f"{start} 07:46:40", periods=N, freq="2h")
+    table = beside(moments, date, kind=int)
+    (drive,) = drive_from_table(table)
+    assert drive.fixes.time == pytest.approx(moments.as_unit("s").asi8)
+
+
+def test_a_day_that_can_be_in_one_order_alone_needs_no_word():
+    moments = pd.date_range("1999-12-31 07:46:40", periods=N, freq="s")
+    for date in ("%d%m%y", "%y%m%d", "%m%d%y"):
+        (drive,) = drive_from_table(beside(moments, date))
+        assert drive.fixes.time == pytest.approx(moments.as_unit("s").asi8)
+    table = beside(moments, "%d%m%y").assign(date=["000000", *["311299"] * (N - 1)])
+    (drive,) = drive_from_table(table)  # no date before the first fix
+    assert drive.skipped == {"unparsable time": 1}
+
+
+def test_numbers_of_the_first_hour_have_fewer_digits():
+    moments = pd.date_range("2026-06-01 00:00:31", periods=N, freq="10s")
+    table = beside(moments, "%Y%m%d", kind=int)
+    table["time"] = table.time.astype(float)
+    table.loc[:4, "time"] = np.nan
+    (drive,) = drive_from_table(table)
+    assert drive.fixes.time == pytest.approx(moments.as_unit("s").asi8[5:])
+    assert drive.skipped == {"no time": 5}
+
+
+def test_a_date_that_is_not_used_is_said():
+    table = beside(MOMENTS, "day %d", "%H:%M:%S")
+    (drive,) = drive_from_table(table)
+    assert any("'date' not used: it holds no dates" in n and "'day 28'" in n for n in drive.notes)
+    table = beside(MOMENTS, "%Y%m%d").assign(time=81_000.0 + 3.0 * np.arange(N))
+    (drive,) = drive_from_table(table)
+    assert any("'date' not used: column 'time' holds numbers" in n for n in drive.notes)
+    table = beside(MOMENTS, "%d%m%y").assign(time=T0 + np.arange(N))
+    (drive,) = drive_from_table(table)  # a whole time needs no date
+    assert drive.fixes.time[0] == T0
+    assert not drive.notes
+
+
+def test_days_in_a_column_of_their_own_keep_rows_apart_where_trips_are_cut():
+    days = [pd.date_range(f"2026-06-0{k} 07:00:00", periods=30, freq="s") for k in (1, 2)]
+    moments = days[0].append(days[1])
+    for clock, kind in (("%H%M%S", int), ("%H:%M:%S", str)):
+        table = pa.Table.from_pandas(beside(moments, "%Y%m%d", clock, kind))
+        ordered, parts = split_trips(table, 300.0)
+        assert [(part.low, part.high) for part in parts] == [(0, 30), (30, 60)]
+        assert ordered.equals(table)
+
+
+@pytest.mark.parametrize(
+    ("start", "step"),
+    [("07:46:40", 1), ("07:46:40", 0.5), ("00:58:10", 10), ("23:59:30", 1), ("07:46:40", 60),
+     ("11:02:13", 45)],
+)  # fmt: skip
+def test_numbers_whose_seconds_go_up_to_59_are_times_of_day(start, step):
+    moments = pd.date_range(f"2026-06-01 {start}", periods=N, freq=f"{step}s")
+    time = moments.strftime("%H%M%S").astype(float) + moments.microsecond / 1e6
+    table = pd.DataFrame({"time": time, "lat": LAT, "lon": 8.7})
+    (drive,) = drive_from_table(table)
+    assert np.diff(drive.fixes.time) == pytest.approx(np.full(N - 1, step))
+    assert any("no date beside the times of day" in note for note in drive.notes)
+
+
+@pytest.mark.parametrize("step", [1.0, 5.0, 10.0, 25.0, 30.0, 50.0, 60.0, 100.0, 0.01])
+@pytest.mark.parametrize("start", [0.0, 5.0, 130.0, 3459.0])
+def test_numbers_that_count_on_beyond_59_are_no_times_of_day(start, step):
+    assert not are_clocks(start + step * np.arange(40))
+
+
+def test_ticks_of_100_ns_are_read_and_said(tmp_path):
+    ticks = MOMENTS.as_unit("ns").asi8 // 100
+    for start in (621_355_968_000_000_000, 116_444_736_000_000_000):  # of .NET and of Windows
+        drive = drive_of(tmp_path, time=ticks + start)
+        assert drive.fixes.time == pytest.approx(T0 + np.arange(N), abs=1e-4)
+        assert any("ticks of 100 ns" in note for note in drive.notes)
+        for unit in ("s", "ms"):
+            mixed = np.where(np.arange(N) < 30, ticks + start, MOMENTS.as_unit(unit).asi8)
+            (drive,) = drive_from_table({"time": mixed, "lat": LAT, "lon": [8.7] * N})
+            assert drive.fixes.time == pytest.approx(T0 + np.arange(N), abs=1e-4)
+    (drive,) = drive_from_table({"time": 1e9 * (T0 + np.arange(N)), "lat": LAT, "lon": [8.7] * N})
+    assert not drive.notes
+
+
+@pytest.mark.parametrize(("since", "year"), [(-978_307_200.0, "1995"), (2_208_988_800.0, "2096")])
+@pytest.mark.parametrize("form", [float, "datetime64[s]"])
+def test_times_of_unlikely_years_are_said(since, year, form):
+    time = (T0 + since + np.arange(N)).astype(form)
+    (drive,) = drive_from_table({"time": time, "lat": LAT, "lon": [8.7] * N})
+    assert any(f"times in column 'time' are of {year}; is that right?" in n for n in drive.notes)
 
 
 def test_dates_without_a_time_of_day_are_refused(tmp_path):

@@ -75,7 +75,7 @@ def match_many(
         crs: Reference system of `x, y` columns, as in `match`.
         columns: Own names of columns, e.g. {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
-        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
+        dates: "mdy", "dmy" or "ymd": the order in dates such as 06/01/2026 and 010626.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the table.
         places: Point objects, as `match` takes them.  The tables `ahead` and `nearby` then have
             those within 500 m ahead and within 50 m of each epoch.

@@ -153,7 +153,7 @@ class Job(NamedTuple):
     sensors: tuple[Sensor, ...] = ()
     columns: Mapping[str, str | int] = {}  # own names, as `names.find` takes them
     tz: str | None = None  # of times that name no zone
-    dates: str | None = None  # mdy or dmy, of dates such as 06/01/2026
+    dates: str | None = None  # mdy, dmy or ymd, of dates such as 06/01/2026
     places: Places | None = None
 
     @property

@@ -112,8 +112,9 @@ ZoneOption = Annotated[
 DatesOption = Annotated[
     str | None,
     typer.Option(
-        metavar="mdy|dmy",
-        help="Whether month or day comes first in dates such as 06/01/2026. Default: as they show.",
+        metavar="mdy|dmy|ymd",
+        help="Order of day, month and year in dates such as 06/01/2026 or 010626. Default: as "
+        "they show.",
     ),
 ]
 

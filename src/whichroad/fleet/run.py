@@ -109,7 +109,7 @@ def run_fleet(
         crs: Reference system of `x, y` columns.
         columns: Own names of columns, as in `match_many`.
         tz: Zone of times that name none, e.g. "Europe/Berlin"; None: UTC.
-        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
+        dates: "mdy", "dmy" or "ymd": the order in dates such as 06/01/2026 and 010626.
         sensors: Further sensors (`whichroad.sensors`), whose columns are in the files.
         places: Path of a table of point objects: `ahead` and `nearby` have those within 500 m
             ahead and within 50 m, at each epoch.

@@ -45,7 +45,7 @@ class Task(NamedTuple):
     places: str | None = None  # path of a table of point objects
     columns: Mapping[str, str | int] = {}  # own names
     tz: str | None = None  # of times that name no zone
-    dates: str | None = None  # mdy or dmy, of dates such as 06/01/2026
+    dates: str | None = None  # mdy, dmy or ymd, of dates such as 06/01/2026
     units: KnownUnits = {}  # noqa: RUF012 - of columns that name none
 
     def folder(self, table: str) -> Path:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import ReadError
 from ..observations import Array
-from .bare_times import of_numbers, with_numbers
+from .bare_times import are_clocks, of_numbers, with_numbers
 from .checks import UNPARSABLE_TIME, Ints, Skipped, keep
 from .dates import (
     UNSAID,
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _DECIMAL = re.compile(r"\s*[-+]?\d+,\d+\s*$")
 _GROUPED = re.compile(r"\s*[-+]?[1-9]\d{0,2},\d{3}\s*$")  # as thousands are, such as 12,345
+_CLOCK = re.compile(r"\s*(?!0000\d\d\.)\d{5,6}(?:\.\d+)?\s*")  # and no days or seconds below 60
 _ABSENT = ("", "-", "--", "null", "none", "nan", "na", "n/a")  # what stands in empty cells
 
 
@@ -42,6 +43,7 @@ class Times(NamedTuple):
     counted: bool = False  # bare numbers that count from another start, their unit is open
     dateless: bool = False  # times of day, counted from the midnight before the first
     others: int = 0  # cells in another format than the one the column was read by
+    ticks: bool = False  # numbers of 100 ns that count from the year 1 or 1601
 
 
 def unparsable(name: str) -> str:
@@ -152,13 +154,14 @@ def times(
             f"{said} holds {kind}; date and time (ISO 8601) or seconds since 1970 were expected"
         )
     if clocks or _is_text(kind) or (date is not None and not meaning.factor):
-        cells = strings(column)
+        cells = strings(column) if clocks or _is_text(kind) else _clock_digits(column)
         moments = None
-        if date is not None and (clocks or not _is_text(kind) or any(map(_may_be_clock, cells))):
+        if date is not None and (clocks or any(map(_may_be_clock, cells))):
             moments = of_days(strings(date), cells, written, said)
             if moments is not None and not (clocks or _is_text(kind)):
-                whole = np.isfinite(moments.seconds).mean() > 0.99  # else the numbers are no clock
-                moments = moments if whole else None
+                filled = np.array([bool(cell) for cell in cells], bool)
+                whole = np.isfinite(moments.seconds[filled]).mean() > 0.99
+                moments = moments if whole else None  # else the numbers are no clock
         if moments is None and (clocks or _is_text(kind)):
             moments = of_texts(cells, written, said)
         if moments is not None:
@@ -178,9 +181,13 @@ def times(
     if meaning.factor:
         return Times(values * meaning.factor)
     moments = of_numbers(values, written.zone)
+    if moments is None and are_clocks(values):
+        since_midnight = of_clocks(_clock_digits(column))
+        if since_midnight is not None:
+            return Times(since_midnight, dateless=True)
     if moments is None:
         return Times(values, counted=True)
-    return Times(moments.seconds, moments.zoneless, others=moments.others)
+    return Times(moments.seconds, moments.zoneless, False, False, moments.others, moments.ticks)
 
 
 def is_zoneless(cell: "pa.Array", meaning: Column) -> bool:
@@ -198,7 +205,7 @@ def is_zoneless(cell: "pa.Array", meaning: Column) -> bool:
             None if meaning.factor or value is None else of_numbers(np.array([float(value)]), None)
         )
         return read is not None and read.zoneless
-    either = Writing(month_first=True)  # one time need not show which number is its month
+    either = Writing(order="mdy")  # one time need not show which number is its month
     return times(pa.chunked_array([cell]), meaning, "table", Counter(), written=either).zoneless
 
 
@@ -266,7 +273,13 @@ def _is_number(kind: "pa.DataType") -> bool:
 
 
 def _may_be_clock(cell: str | None) -> bool:
-    return (bool(cell) and is_clock(cell or "")) or (cell or "").replace(".", "", 1).isdecimal()
+    return bool(cell) and (is_clock(cell or "") or bool(_CLOCK.fullmatch(cell or "")))
+
+
+def _clock_digits(column: "pa.ChunkedArray") -> list[str | None]:
+    """Numbers with six digits before the point, as those of times of day have: 4640 is 004640."""
+    parts = [(cell or "").partition(".") for cell in strings(column)]
+    return [f"{whole.zfill(6)}{point}{rest}" if whole else None for whole, point, rest in parts]
 
 
 def strings(column: "pa.ChunkedArray") -> list[str | None]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import ReadError
 from ..observations import Array
+from .digit_dates import ORDERS, dashed
 
 EARLIEST = 315_532_800.0  # s, 1980: below it a bare number counts from a start, not from 1970
 LATEST = 4_102_444_800.0  # s, 2100
@@ -56,21 +57,26 @@ class Writing(NamedTuple):
     """How times are written, where they do not show it themselves."""
 
     zone: tzinfo | None = None  # of those that name none; None: UTC
-    month_first: bool | None = None  # in dates such as 06/01/2026; None: as their numbers show
+    order: str | None = None  # mdy or dmy, in dates such as 06/01/2026, or ymd; None: they show it
+
+    @property
+    def month_first(self) -> bool | None:
+        """Whether dates such as 06/01/2026 name the month first; None: as their numbers show."""
+        return None if self.order in (None, "ymd") else self.order == "mdy"
 
     @classmethod
     def of(cls, tz: str | None, dates: str | None) -> "Writing":
-        """By what callers say: a zone, and `mdy` or `dmy`.
+        """By what callers say: a zone, and `mdy`, `dmy` or `ymd`.
 
         Raises:
             ReadError: It is neither.
         """
-        if dates not in (None, "mdy", "dmy"):
+        if dates not in (None, *ORDERS):
             raise ReadError(
-                f"dates: {dates!r} is no order of day, month and year; mdy (06/28/2026) or dmy "
-                "(28/06/2026) was expected"
+                f"dates: {dates!r} is no order of day, month and year; mdy (06/28/2026), dmy "
+                "(28/06/2026) or ymd (260628) was expected"
             )
-        return cls(zone_of(tz), None if dates is None else dates == "mdy")
+        return cls(zone_of(tz), dates)
 
 
 UNSAID = Writing()
@@ -82,6 +88,7 @@ class Moments(NamedTuple):
     seconds: Array  # (n,) since 1970 UTC, NaN where a cell is no time
     zoneless: bool = False  # some name no zone; the caller's, else UTC, was taken
     others: int = 0  # cells in another format than the one the column was read by
+    ticks: bool = False  # numbers of 100 ns that count from the year 1 or 1601
 
 
 def zone_of(name: str | None) -> tzinfo | None:
@@ -228,10 +235,14 @@ def _of_matches(
 def of_days(
     dates: Sequence[str | None], clocks: Sequence[str | None], written: Writing, where: str
 ) -> Moments | None:
-    """Times of dates and times of day in columns of their own; None where they are none."""
+    """Times of dates and times of day in columns of their own; None where they are none.
+
+    Raises:
+        ReadError: Day, month and year cannot be told apart.
+    """
     texts = [
-        None if not day or not clock else f"{_dashed(day)} {_coloned(clock)}"
-        for day, clock in zip(dates, clocks, strict=True)
+        None if not day or not clock else f"{day} {_coloned(clock)}"
+        for day, clock in zip(dashed(dates, written.order, where), clocks, strict=True)
     ]
     return of_texts(texts, written, where)
 
@@ -360,13 +371,6 @@ def _offset(text: str | None) -> timezone | None:
         return None
     size = timedelta(hours=int(match[2]), minutes=int(match[3]))
     return timezone(size if match[1] == "+" else -size)
-
-
-def _dashed(day: str) -> str:
-    """A date of eight digits with dashes."""
-    day = day.strip().removesuffix(".0")
-    day = day.removesuffix(" 00:00:00").removesuffix("T00:00:00")
-    return f"{day[:4]}-{day[4:6]}-{day[6:]}" if re.fullmatch(r"(?:19|20)\d{6}", day) else day
 
 
 def _coloned(clock: str) -> str:

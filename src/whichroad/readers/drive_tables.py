@@ -37,7 +37,7 @@ from .table_drives import Trip, trips_of
 from .table_files import table_of
 from .table_units import Units, check_motion, in_seconds, units_of
 from .tables_in_memory import frames_of, in_memory, is_gpx
-from .unread_times import mixed_note, no_time, with_time
+from .unread_times import mixed_note, no_time, unlikely_notes, with_time
 from .without_times import invented_times
 
 _NO_VALUES = ("time", "date", "gear", "drive_id", "vehicle_id", "row_id", "geometry",
@@ -97,7 +97,7 @@ def drive_from_table(
         id: The column whose values tell drives apart.
         columns: Own names of columns: {"time": "ts", "speed_kmh": "v"}.
         tz: Zone of times that name none; None: UTC.
-        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
+        dates: "mdy", "dmy" or "ymd": the order in dates such as 06/01/2026 and 010626.
         units: Of columns that name none, where a table that this is a part of has told them.
 
     Returns:
@@ -272,7 +272,7 @@ def _times(
         seen.table.column(column.place), column, where, skipped, written=written,
         date=None if day is None else seen.table.column(day.place),
     )  # fmt: skip
-    notes += mixed_note(read, column.name)
+    notes += [*mixed_note(read, column.name), *unlikely_notes(read, seen)]
     if read.zoneless:
         utc = any(word in normal(column.name).split("_") for word in ("utc", "gps", "gmt"))
         if written.zone is None and not utc and (paths or "local" in normal(column.name)):

@@ -89,7 +89,7 @@ def read_drive(
         columns: Own names of columns in tables: {"time": "ts", "speed_kmh": "v"}; of tables
             without a line of names the numbers of columns, from 1.
         tz: Zone of times in tables that name none, such as Europe/Berlin; None: UTC.
-        dates: "mdy" or "dmy": whether month or day comes first in dates such as 06/01/2026.
+        dates: "mdy", "dmy" or "ymd": the order in dates such as 06/01/2026 and 010626.
         skip_unreadable: Whether a file that cannot be understood, beside files that are drives
             of their own, becomes a drive without contents, whose note says why.
 

@@ -52,7 +52,7 @@ class Reading:
     columns: Mapping[str, str | int] = field(default_factory=dict)  # documented name -> own column
     tz: str | None = None  # zone of times that name none, such as Europe/Berlin
     units: "Units | None" = None  # of columns that name none; None: the values tell
-    dates: str | None = None  # mdy or dmy: what comes first in dates such as 06/01/2026
+    dates: str | None = None  # mdy, dmy or ymd: the order in dates such as 06/01/2026
 
     @property
     def written(self) -> Writing:

@@ -29,6 +29,7 @@ from .resampled import RESAMPLED, resampling_notes
 from .rounded_places import rounding_notes
 from .table_units import Units
 from .units_by_places import TOO_FAST, distances, reachable
+from .unread_times import are_unlikely
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -80,7 +81,7 @@ def batched_fixes(
     if not _is_regular(table, found):
         return None
     time = _in_one_unit(table, found["time"], zone)
-    if time is None:
+    if time is None or are_unlikely(time):  # the reader of each trip will say so
         return None
     skipped: Skipped = Counter()
     columns: Columns = {"time": time}
@@ -159,7 +160,7 @@ def _is_regular(table: "pa.Table", found: dict[str, Column]) -> bool:
 
 
 def _in_one_unit(table: "pa.Table", meaning: Column, zone: tzinfo | None) -> Array | None:
-    """Seconds since 1970; None where numbers imply several units, or the zone is worth a note."""
+    """Seconds since 1970; None where numbers imply several units, or times are worth a note."""
     import pyarrow as pa
 
     column = table.column(meaning.place)

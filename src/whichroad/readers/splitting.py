@@ -106,7 +106,8 @@ def in_time_order(
     meaning = found["time"]
     try:
         column = table.column(meaning.place)
-        read = times(column, meaning, "table", Counter(), written=written)
+        day = table.column(found["date"].place) if "date" in found else None
+        read = times(column, meaning, "table", Counter(), written=written, date=day)
         time = read.seconds
         change = clock_changes(time, written.zone) if read.zoneless else None
         if change is not None:

@@ -1,13 +1,20 @@
-"""What is said of rows whose time cannot be understood, or is in another format than most."""
+"""What is said of times that cannot be understood, are mixed, or of years that are unlikely."""
+
+import time
+from datetime import UTC, datetime
 
 import numpy as np
 
+from ..observations import Array
 from .arrow_columns import Times, strings, unparsable
 from .checks import LAST, NO_TIME, UNPARSABLE_TIME, Bools, Skipped
+from .dates import DAY
 from .drive_columns import Columns
 from .names import Seen
 
 _NOTED = 0.05  # share of a table's rows
+_OLD = 946_684_800.0  # s, 2000: hardly anybody recorded drives before
+_NEW = 1_798_761_600.0  # s, 2027: in no future, whatever the clock of a device without one says
 
 
 def with_time(seen: Seen, columns: Columns, skipped: Skipped, notes: list[str]) -> Bools:
@@ -68,8 +75,41 @@ def mixed_note(read: Times, name: str) -> list[str]:
     ]
 
 
-def _example(seen: Seen, rows: Bools | None = None) -> str:
+def are_unlikely(seconds: Array) -> bool:
+    """Whether the middle one of some times lies before 2000 or in the future."""
+    known = seconds[np.isfinite(seconds)]
+    latest = max(time.time(), _NEW) + DAY
+    return bool(len(known)) and not _OLD <= float(np.median(known)) <= latest
+
+
+def unlikely_notes(read: Times, seen: Seen) -> list[str]:
+    """What is said of a column of times that nobody may have meant so, and of dates beside it."""
+    name, day = seen.found["time"].name, seen.found.get("date")
+    notes = []
+    if day is not None and read.dateless:
+        notes.append(
+            f"column {day.name!r} not used: it holds no dates that can be understood, such as "
+            f"{_example(seen, quantity='date')!r}; ISO 8601 (2026-06-01) was expected"
+        )
+    if day is not None and read.counted:
+        notes.append(
+            f"column {day.name!r} not used: column {name!r} holds numbers that are no times of "
+            "day such as 74640 (07:46:40)"
+        )
+    if read.ticks:
+        notes.append(f"times in column {name!r} taken as ticks of 100 ns, of .NET or Windows")
+    if not (read.dateless or read.counted) and are_unlikely(read.seconds):
+        year = datetime.fromtimestamp(float(np.nanmedian(read.seconds)), UTC).year
+        notes.append(
+            f"times in column {name!r} are of {year}; is that right? Numbers count from 1970; "
+            "those of GPS count from 1980, of Apple from 2001, of NTP from 1900: give such times "
+            "as ISO 8601"
+        )
+    return notes
+
+
+def _example(seen: Seen, rows: Bools | None = None, quantity: str = "time") -> str:
     """The beginning of the first cell that is filled, of these rows."""
-    column = seen.table.column(seen.found["time"].place)
+    column = seen.table.column(seen.found[quantity].place)
     cells = strings(column if rows is None else column.filter(rows))
     return next((cell for cell in cells if cell), "")[:40]
