@@ -51,6 +51,38 @@ def test_passages_between_fixes_far_apart_count_less():
     assert row["speed_mps"] == pytest.approx(weights.sum() * 100 / (weights @ [10, 20]), rel=1e-6)
 
 
+def test_passages_with_a_long_stop_are_left_out_and_counted():
+    seconds = [10.0] * 7 + [3610.0, 10.0, 3610.0]
+    one = path([7] * 8 + [8, 9], [100.0] * 10, seconds, drive=[f"v{k}" for k in range(10)])
+    found = whichroad.speeds(one, hours=False).to_pylist()
+    columns = ("speed_mps", "passages", "vehicles", "weight", "left_out")
+    assert [tuple(row[name] for name in columns) for row in found] == [
+        (pytest.approx(10.0), 7, 7, pytest.approx(7.0), 1),
+        (pytest.approx(10.0), 1, 1, pytest.approx(1.0), 0),
+        (None, 0, 0, 0.0, 1),
+    ]
+    assert found[0]["low_mps"] == pytest.approx(10.0)
+    assert found[2]["low_mps"] is found[2]["high_mps"] is None
+    every = whichroad.speeds(one, hours=False, longest_stop=None).to_pylist()
+    assert every[0]["speed_mps"] == pytest.approx(800.0 / 3680.0)
+    assert [row["left_out"] for row in every] == [0, 0, 0]
+    assert [row["passages"] for row in every] == [8, 1, 1]
+
+
+def test_what_is_a_long_stop_may_be_said_and_a_jam_is_none():
+    jam = path([7] * 3, [600.0] * 3, [590.0, 890.0, 910.0])  # 1 m/s, and 5 minutes more or less
+    assert whichroad.speeds(jam, hours=False)["left_out"].to_pylist() == [1]
+    for longest, left in (("1h", 0), (280, 2), ("1min", 2)):
+        found = whichroad.speeds(jam, hours=False, longest_stop=longest)
+        assert found["left_out"].to_pylist() == [left]
+    with pytest.raises(SettingError, match=r"longest_stop is 'long'; .* 5min.* or None"):
+        whichroad.speeds(jam, longest_stop="long")
+    rows = [("a", "way 1", True, None)] * 3  # of a road one passage, with the stop on one edge
+    for stop in (200.0, 500.0):
+        found = whichroad.speeds(by_source(rows, [10.0, stop, 10.0]), by="source_id", hours=False)
+        assert found["left_out"].to_pylist() == [int(stop > 400.0)]
+
+
 def test_hours_are_those_of_the_zone_and_vehicles_are_told_by_their_names():
     monday = 1_780_272_000.0  # 2026-06-01T00:00:00Z
     times = monday + np.array([0.0, 3600.0, 6 * 86400.0 + 23 * 3600.0])
@@ -70,7 +102,8 @@ def test_hours_are_those_of_the_zone_and_vehicles_are_told_by_their_names():
 def by_source(rows, seconds=10.0):
     """A path by roads of (drive, road, forward, broken rule)."""
     drive, road, forward, rule = zip(*rows, strict=True)
-    one = path(range(len(rows)), [100.0] * len(rows), [seconds] * len(rows), drive=drive)
+    duration = np.broadcast_to(seconds, len(rows))
+    one = path(range(len(rows)), [100.0] * len(rows), duration, drive=drive)
     told = {"source_id": road, "forward": forward, "broken_rule": rule}
     for name, values in told.items():
         one = one.drop_columns(name) if name in one.column_names else one

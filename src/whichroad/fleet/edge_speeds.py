@@ -7,6 +7,7 @@ ones.  The 95 % interval is that of a ratio estimator, in seconds a metre, and o
 seen: that is the mean over a longer stretch, and a shorter one differs the more from it.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from hashlib import blake2b
 from os import PathLike
@@ -20,10 +21,12 @@ import pyarrow.dataset as ds
 from numpy.typing import NDArray
 
 from ..errors import ReadError, SettingError
+from ..readers.splitting import seconds_of
 from ..readers.tables_in_memory import refuse_without_rows
 
 REACH = 10.0  # m/s: what is guessed about both ends of a passage, over the interval of fixes
 EVEN = 10.0  # m over which seconds a metre are alike: stops.  Real tracks at 1 Hz: 10 to 20
+CREEPING = 1.0  # m/s: who takes longer for an edge has stopped for the rest of the time
 _HOURS = 168  # of a week
 _BITS = 24  # of a vehicle's hash
 _MERGE = 1 << 20  # rows of parts after which they are joined
@@ -37,12 +40,13 @@ SPEEDS = pa.schema(
     [
         ("forward", pa.bool_()),
         ("hour", pa.int64()),  # of the week: 0 is Monday 0 to 1 h; null: all hours
-        ("speed_mps", pa.float64()),  # harmonic mean
+        ("speed_mps", pa.float64()),  # harmonic mean; null where all passages are left out
         ("low_mps", pa.float64()),  # its 95 % interval, null where passages are too few
         ("high_mps", pa.float64()),
         ("passages", pa.int64()),
         ("vehicles", pa.int64()),
         ("weight", pa.float64()),  # sum of the weights of the passages
+        ("left_out", pa.int64()),  # further passages, with a stop that was too long
     ]
 )
 """Columns of `speeds`, behind the edge's or the road's id."""
@@ -57,6 +61,7 @@ def speeds(
     hours: bool = True,
     tz: str = "UTC",
     drives: Any = None,
+    longest_stop: str | float | None = "5min",
 ) -> pa.Table:
     """Speed of each edge or road, by direction and hour of the week.
 
@@ -69,6 +74,8 @@ def speeds(
         tz: The zone of the hours, such as "Europe/Berlin".
         drives: The table, file or folder of drives, which gives the interval of fixes; None:
             that of the fleet's folder, else passages count by their probability alone.
+        longest_stop: A passage is left out, and counted, that takes longer by more than this than
+            at 1 m/s on one of its edges: `5min`, `300s` or s; None: all passages count.
 
     Returns:
         A row for each id, direction and hour that was passed, see `SPEEDS`.  Rows of a drive that
@@ -83,7 +90,8 @@ def speeds(
     if by not in ("edge_id", "source_id"):
         raise SettingError(f"by is {by!r}; edge_id or source_id was expected")
     intervals = _Intervals.of(drives if drives is not None else _beside(path))
-    sums = _Sums(by)
+    use = "or None; passages with a longer stop are left out"
+    sums = _Sums(by, seconds_of(longest_stop, "longest_stop", use))
     try:
         for rows, first in _passages(_tables(path, (by, *_COLUMNS)), by):
             sums.add(rows, first, intervals, tz if hours else None)
@@ -232,12 +240,12 @@ class _Intervals(NamedTuple):
 class _Sums:
     """Sums over passages by id, direction and hour; each key is one number."""
 
-    def __init__(self, by: str) -> None:
-        self.by = by
+    def __init__(self, by: str, longest_stop: float | None) -> None:
+        self.by, self._longest_stop = by, longest_stop or math.inf
         self._words: dict[Any, int] = {}  # of sources, or of a map and an edge of it
         self._of_maps = False
         self._keys: list[Ints] = []
-        self._sums: list[NDArray[np.float64]] = []  # (k, 8), see `_interval`
+        self._sums: list[NDArray[np.float64]] = []  # (k, 9), see `_interval`; and passages left out
         self._pairs: list[Ints] = []  # key and hash of a vehicle
         self._rows = 0
 
@@ -245,14 +253,17 @@ class _Sums:
         """Count the passages of a part of a path, given their first rows."""
         if not len(first):
             return
-        length = rows["exit_m"].to_numpy() - rows["enter_m"].to_numpy()
-        p = np.add.reduceat(rows["p"].to_numpy() * length, first)
-        length = np.add.reduceat(length, first)
-        time = np.add.reduceat(rows["duration_s"].to_numpy(), first)
+        lengths = rows["exit_m"].to_numpy() - rows["enter_m"].to_numpy()
+        p = np.add.reduceat(rows["p"].to_numpy() * lengths, first)
+        length = np.add.reduceat(lengths, first)
+        times = rows["duration_s"].to_numpy()
+        stop = np.maximum.reduceat(times - lengths / CREEPING, first)
+        time = np.add.reduceat(times, first)
         good = (length > 1.0) & (time > 0.0) & (p > 0.0)
         if not good.any():
             return
         length, time, p = length[good], time[good], p[good] / length[good]
+        taken = np.where(stop[good] <= self._longest_stop, 1.0, 0.0)
         table = rows.take(pa.array(first[good]))
         hour = np.zeros(len(length), np.int64)
         if tz is not None:
@@ -262,15 +273,14 @@ class _Sums:
         key = (self._ids(table) * 2 + table["forward"].to_numpy()) * _HOURS + hour
         drives, at = _hashes(table["drive_id"])
         interval = intervals(drives)[at]
-        weight = p * length / (length + REACH * interval)
+        weight = taken * p * length / (length + REACH * interval)
         wd, wt = weight * length, weight * time
-        squares = (wd**2, wd * wt, wt**2)
-        sums = [np.ones(len(p)), weight, wd, wt, *squares, weight * interval]
+        sums = [taken, weight, wd, wt, wd**2, wd * wt, wt**2, weight * interval, 1.0 - taken]
         self._put(key, np.column_stack(sums))
         vehicle = pc.replace_substring_regex(table["drive_id"], r"/[0-9]+$", "")
         vehicles, at = _hashes(vehicle)
         hashed = (vehicles >> np.uint64(64 - _BITS)).astype(np.int64)
-        self._pairs.append(np.unique((key << _BITS) | hashed[at]))
+        self._pairs.append(np.unique(((key << _BITS) | hashed[at])[taken > 0.0]))
         self._rows += len(p)
         if self._rows > _MERGE:
             self._merge()
@@ -310,26 +320,26 @@ class _Sums:
     def table(self, hours: bool) -> pa.Table:
         """What was found, by id, direction and hour."""
         if not self._keys:
-            self._put(np.empty(0, np.int64), np.empty((0, 8)))
+            self._put(np.empty(0, np.int64), np.empty((0, 9)))
             self._pairs.append(np.empty(0, np.int64))
         self._merge()
         (keys,), (sums,), (pairs,) = self._keys, self._sums, self._pairs
         ids, hour = keys // (2 * _HOURS), keys % _HOURS
         n, weight, wd, wt = sums[:, :4].T
-        low, high = _interval(sums)
-        vehicles = np.searchsorted(pairs >> _BITS, keys, "right") - np.searchsorted(
-            pairs >> _BITS, keys, "left"
-        )
+        some, (low, high) = n > 0, np.full((2, len(n)), np.nan)
+        low[some], high[some] = _interval(sums[some, :8])
+        begin, end = (np.searchsorted(pairs >> _BITS, keys, side) for side in ("left", "right"))
         few = n < _LEAST
         columns = [
             pa.array((keys // _HOURS) % 2 > 0),
             pa.array(hour, pa.int64(), mask=np.full(len(keys), not hours)),
-            pa.array(wd / wt),
+            pa.array(np.divide(wd, wt, out=np.zeros(len(n)), where=some), mask=~some),
             pa.array(low, mask=few),
             pa.array(high, mask=few | ~np.isfinite(high)),
             pa.array(n.astype(np.int64)),
-            pa.array(vehicles.astype(np.int64)),
+            pa.array((end - begin).astype(np.int64)),
             pa.array(weight),
+            pa.array(sums[:, 8].astype(np.int64)),
         ]
         first = self._named(ids)
         return pa.Table.from_arrays(

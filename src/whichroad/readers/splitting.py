@@ -43,8 +43,17 @@ class Part(NamedTuple):
     standing: int  # rows behind it, of a stop, that belong to no trip
 
 
-def seconds_of(text: str | float | None) -> float | None:
+def seconds_of(
+    text: str | float | None,
+    name: str = "split",
+    use: str = "after which a pause or a stop ends a trip",
+) -> float | None:
     """`5min`, `300s`, `1.5h` or a number of seconds; None stays None.
+
+    Args:
+        text: The time.
+        name: Of the argument, for errors.
+        use: What the time is for, for errors.
 
     Raises:
         SettingError: It is no time, or none that is more than nothing.
@@ -58,8 +67,7 @@ def seconds_of(text: str | float | None) -> float | None:
         seconds = 0.0
     if not 0.0 < seconds < 1e9:
         raise SettingError(
-            f"split is {text!r}; a time such as 5min, 300s or 1h was expected, after which a "
-            "pause or a stop ends a trip"
+            f"{name} is {text!r}; a time such as 5min, 300s or 1h was expected, {use}"
         )
     return seconds
 
