@@ -5,9 +5,11 @@ import uuid
 from collections.abc import Iterator
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.dataset as ds
+import pyarrow.feather as feather
 import pyarrow.parquet as pq
 import pytest
 
@@ -17,7 +19,7 @@ from whichroad.batch import Tables, filtering, match_batches, match_many, match_
 from whichroad.batch.filtering import filter_batch
 from whichroad.errors import ReadError
 from whichroad.geodesy.plane import Plane
-from whichroad.readers import many_trips, table_units, trip_files, trip_units
+from whichroad.readers import many_trips, read_drive, table_units, trip_files, trip_units
 from whichroad.recorded import localize_recorded
 from whichroad.tables import export
 from whichroad.tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
@@ -558,6 +560,50 @@ def test_a_list_of_rows_is_a_table(roads, fleet):
     rows = fleet.to_pylist()
     assert same(match_many(rows, roads), match_many(fleet, roads))
     assert same(match_many([fleet.to_pydict()], roads), match_many(fleet, roads))
+
+
+def test_records_of_numpy_are_a_table(roads, fleet):
+    whole = match_many(fleet, roads)
+    for index in (False, True):
+        assert same(match_many(fleet.to_pandas().to_records(index=index), roads), whole)
+
+
+def test_places_in_a_struct_are_columns(roads, fleet, tmp_path):
+    whole = match_many(fleet, roads)
+    places = pa.StructArray.from_arrays(
+        [fleet[name].combine_chunks() for name in ("lat", "lon")], ["lat", "lon"]
+    )
+    nested = fleet.drop_columns(["lat", "lon"]).append_column("location", places)
+    pq.write_table(nested, tmp_path / "nested.parquet")
+    stream = pa.RecordBatchReader.from_batches(nested.schema, nested.to_batches(50))
+    for given in (nested, stream, tmp_path / "nested.parquet"):
+        assert same(match_many(given, roads), whole)
+    first = fleet["drive_id"][0]
+    for suffix, write in (("parquet", pq.write_table), ("arrow", feather.write_feather)):
+        path = tmp_path / f"one.{suffix}"
+        write(nested.filter(pc.equal(nested["drive_id"], first)), path)
+        (drive,) = read_drive(path)
+        assert len(drive.fixes) == 32
+
+
+def test_ids_beyond_64_bits_are_texts(roads):
+    table = trip("a", 0).to_pandas().assign(drive_id=pd.Series([2**70 + 1] * 32, dtype=object))
+    for given in (table, table.to_dict("list"), table.to_dict("records")):
+        assert match_many(given, roads).drives["drive_id"].to_pylist() == [str(2**70 + 1)]
+
+
+def test_a_frame_without_rows_yet_is_refused_before_its_columns_are_asked(roads):
+    class LazyFrame:
+        """One of polars: it works out what its columns are, and warns."""
+
+        @property
+        def columns(self):
+            raise AssertionError
+
+        schema = columns
+
+    with pytest.raises(whichroad.ReadError, match=r"LazyFrame .* give its \.collect"):
+        match_many(LazyFrame(), roads)
 
 
 def test_cells_of_several_kinds_are_read_as_those_of_a_column_of_text(roads, fleet):

@@ -260,6 +260,17 @@ def test_one_way_columns_speak_many_languages(line, word, legal):
     assert (rule(roads, 1, True) == 0, rule(roads, 1, False) == 0) == legal
 
 
+@pytest.mark.parametrize(("word", "legal"), [("B", (True, True)), ("F", (True, False)),
+                                             ("T", (False, True))])  # fmt: skip
+def test_directions_of_travel_of_here_are_one_ways(line, word, legal):
+    table = geopandas.GeoDataFrame(
+        {"LINK_ID": [1], "DIR_TRAVEL": [word]}, geometry=[line((0, 0), (100, 0))], crs=4326
+    )
+    roads = RoadMap.from_edges(table)
+    assert (rule(roads, 1, True) == 0, rule(roads, 1, False) == 0) == legal
+    assert roads.info()["skipped"] == {}
+
+
 def test_a_one_way_word_that_nobody_knows_is_counted(line):
     table = geopandas.GeoDataFrame(
         {"oneway": ["maybe"]}, geometry=[line((0, 0), (100, 0))], crs=4326

@@ -61,9 +61,10 @@ def match_many(
 
     Args:
         table: A table with `time, lat, lon` and a column that names the trip: an Arrow table,
-            a DataFrame, a list of dicts, anything with `__arrow_c_stream__`, the path of a
-            Parquet or Arrow file or a folder of them, a dataset or its Scanner, or an iterator of
-            record batches.  Rows of a trip lie together, in a table in memory in any order.
+            a DataFrame, a list of dicts, records of NumPy, anything with `__arrow_c_stream__`, the
+            path of a Parquet or Arrow file or a folder of them, a dataset or its Scanner, or an
+            iterator of record batches.  Rows of a trip lie together, in a table in memory in any
+            order.
         roads: A `RoadMap`, or the path of one, which a process opens once.  Or a folder of
             compiled maps: each trip takes the one that holds it, which the column `map` names.
         drive_id: The column that names the trip; the default also finds its usual aliases, and

@@ -22,7 +22,7 @@ from .reading import Reading, check_one, own_columns
 from .splitting import split_trips
 from .table_drives import paired
 from .table_units import Units
-from .tables_in_memory import are_rows, in_memory, rows_as_columns
+from .tables_in_memory import are_rows, flattened, in_memory, refuse_without_rows, rows_as_columns
 from .trip_files import batches_in, dataset_of, in_batches, is_dataset, is_partitioned, is_scanner
 
 if TYPE_CHECKING:
@@ -64,10 +64,10 @@ def trip_batches(
     """Cut a source into whole trips, in the order in which they begin (a stream: end).
 
     Args:
-        source: An Arrow table, record batch, DataFrame, dict of columns or list of dicts, one for
-            each row, or anything with `__arrow_c_stream__`; or a stream: the path of a Parquet or
-            Arrow file or a folder of them, a dataset, a Scanner, a RecordBatchReader, or any
-            iterator of batches or tables.
+        source: An Arrow table, record batch, DataFrame, dict of columns, structured array or list
+            of dicts, one for each row, or anything with `__arrow_c_stream__`; or a stream: the
+            path of a Parquet or Arrow file or a folder of them, a dataset, a Scanner, a
+            RecordBatchReader, or any iterator of batches or tables.
         drive_id: The column that names the trip; "drive_id" also finds its usual aliases.
         split: Cut the rows of each name at pauses, stops and jumps (`splitting`) of so many s,
             into trips called `name/1`, `name/2`, ...
@@ -83,6 +83,7 @@ def trip_batches(
         trips = (Trip(*trip) for trip in _whole(batches, drive_id, own))
         yield from packed(split_each(trips, split, own, written) if split else trips, strict)
 
+    refuse_without_rows(source)
     if are_rows(source):
         source = rows_as_columns(source)
     if is_scanner(source):
@@ -93,7 +94,8 @@ def trip_batches(
         yield from of_stream(_of_dataset(source, drive_id, own))
     elif isinstance(source, dict) or any(hasattr(source, name) for name in _TABLE):
         if hasattr(source, "read_next_batch"):
-            _check(source.schema.names, find(source.schema.names, own))
+            flat = _flat_names(source.schema, own)
+            _check(flat, find(flat, own))
             yield from of_stream(source)
             return
         rows, names = _table(source, drive_id, own)
@@ -119,10 +121,11 @@ def _of_path(path: Path, drive_id: str, own: Own = _NONE) -> Iterable[Any]:
 
 
 def _of_dataset(data: Any, drive_id: str, own: Own) -> Iterable[Any]:
-    names = data.schema.names
-    found = find(names, own)
-    _check(names, found)
-    used = {column.name for column in found.values()} | ({drive_id} & set(names))
+    names, flat = data.schema.names, _flat_names(data.schema, own)
+    found = find(flat, own)
+    _check(flat, found)
+    used = {c.name if c.name in names else c.name.partition(".")[0] for c in found.values()}
+    used |= {drive_id} & set(names)
     return batches_in(data, sorted(used), _BATCH)
 
 
@@ -144,6 +147,11 @@ def _table(source: Any, drive_id: str, own: Own) -> tuple["pa.Table", list[str]]
 def usual_rows(batch: Any, drive_id: str, own: Own = _NONE) -> "pa.Table":
     """The columns of a batch whose meaning is known, and trips' names in a column `drive_id`."""
     return _named(*_table(batch, drive_id, own), drive_id, own)
+
+
+def _flat_names(schema: "pa.Schema", own: Own) -> list[str]:
+    """Names of columns as `in_memory` has them."""
+    return [str(name) for name in flattened(schema.empty_table(), own).column_names]
 
 
 def _check(names: list[str], found: Mapping[str, Column]) -> None:

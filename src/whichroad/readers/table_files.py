@@ -11,6 +11,7 @@ from .csv_text import read_csv
 from .names import Seen, find
 from .reading import Reading
 from .source import Source
+from .tables_in_memory import flattened
 
 PARQUET = (".parquet", ".geoparquet", ".pq")
 ARROW = (".arrow", ".feather", ".ipc")
@@ -36,8 +37,10 @@ def _parquet(source: Source, reading: Reading) -> Seen:
     try:
         file = pq.ParquetFile(io.BytesIO(source.data))
         names = file.schema_arrow.names
-        found = find(names, reading.columns)
+        flat = flattened(file.schema_arrow.empty_table(), reading.columns).column_names
+        found = find(flat, reading.columns)
         table = file.read(columns=[column.name for column in found.values()] or names[:1])
+        table = flattened(table, reading.columns)
         table.validate(full=True)
         seen = Seen.of(table, names, found)
         return seen._replace(table=decoded_columns(table, seen.found))
@@ -54,6 +57,7 @@ def _arrow(source: Source, skipped: Skipped, reading: Reading) -> Seen:
         table, whole = read_arrow(source.data)
         keep(np.array([whole]), "incomplete end of a recording", skipped)
         table.validate(full=True)
+        table = flattened(table, reading.columns)
         found = find(table.column_names, reading.columns)
         return Seen(decoded_columns(table, found), table.column_names, found)
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:

@@ -45,7 +45,7 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
             return _frame(table, own)
         if isinstance(table, dict):
             table = pa.table({name: _arrow(cells) for name, cells in table.items()})
-        table = table if isinstance(table, pa.Table) else pa.table(table)
+        table = flattened(table if isinstance(table, pa.Table) else pa.table(table), own)
         found = find(table.column_names, own)
         return Seen(decoded_columns(table, found), table.column_names, found)
     except (
@@ -69,6 +69,17 @@ def refuse_without_rows(table: Any) -> None:
         )
 
 
+def flattened(table: Any, own: Any = None) -> Any:
+    """An Arrow table with the fields of its structs as columns, where these hold the places.
+
+    `location` of `lat` and `lon` becomes `location.lat` and `location.lon`.
+    """
+    if {"lat", "lon"} <= (found := find(table.column_names, own)).keys() or "geometry" in found:
+        return table
+    flat = table.flatten()
+    return flat if {"lat", "lon"} <= find(flat.column_names, own).keys() else table
+
+
 def is_gpx(thing: Any) -> bool:
     """Whether something is a GPX of gpxpy."""
     return hasattr(thing, "tracks") and hasattr(thing, "routes") and hasattr(thing, "to_xml")
@@ -84,14 +95,18 @@ def frames_of(thing: Any) -> list[tuple[str, Any]] | None:
 
 
 def are_rows(thing: Any) -> bool:
-    """Whether something is a list of dicts, one for each row, and not of tables."""
+    """Whether something is a list of dicts, one for each row, or an array of records."""
+    if isinstance(thing, np.ndarray):
+        return thing.dtype.names is not None
     if not isinstance(thing, list | tuple) or not thing or not isinstance(thing[0], dict):
         return False
     return not any(np.ndim(cell) for cell in thing[0].values())
 
 
-def rows_as_columns(rows: Any) -> dict[str, list[Any]]:
-    """Columns of a list of dicts, by all names that any of them has."""
+def rows_as_columns(rows: Any) -> dict[str, Any]:
+    """Columns of a list of dicts, by all names that any of them has, or of records."""
+    if isinstance(rows, np.ndarray):
+        return {name: rows[name] for name in rows.dtype.names or ()}
     keys = dict.fromkeys(name for row in rows for name in row)
     return {name: [row.get(name) for row in rows] for name in keys}
 
@@ -99,7 +114,7 @@ def rows_as_columns(rows: Any) -> dict[str, list[Any]]:
 def _of_rows(rows: Any) -> Any:
     """A table of dicts, of tuples or of an array, one for each row."""
     if isinstance(rows, np.ndarray) and rows.dtype.names:
-        return _table({name: rows[name] for name in rows.dtype.names})
+        return _table(rows_as_columns(rows))
     if not len(rows):
         raise ValueError("no rows")
     if isinstance(rows[0], dict):
@@ -154,14 +169,14 @@ def _frame(frame: Any, own: Any) -> Seen:
 
 
 def _arrow(cells: Any) -> Any:
-    """A column as an array of Arrow; of cells of several kinds, such as 49.4 and "n/a", as text."""
+    """A column as an array of Arrow; as text of cells such as 49.4 and "n/a", or beyond 64 bits."""
     import pyarrow as pa
 
     if isinstance(cells, pa.Array | pa.ChunkedArray):
         return cells
     try:
         return pa.array(cells)
-    except (pa.ArrowInvalid, TypeError):
+    except (pa.ArrowInvalid, TypeError, OverflowError):  # numbers of more than 64 bits
         if np.ndim(cells) != 1:
             raise
         texts = [c.decode("utf-8", "replace") if isinstance(c, bytes) else str(c) for c in cells]

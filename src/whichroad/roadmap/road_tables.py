@@ -26,7 +26,7 @@ NAMES = {
     "source_id": ("id", "edge_id", "link_id", "osmid", "osm_id", "way_id", "fid", "gid", "ogc_fid"),
     "from": ("from", "from_node", "u", "source", "from_id", "from_node_id", "node_from"),
     "to": ("to", "to_node", "v", "target", "to_id", "to_node_id", "node_to"),
-    "oneway": ("oneway", "one_way"),
+    "oneway": ("oneway", "one_way", "dir_travel"),
     "cost": ("cost",),
     "reverse_cost": ("reverse_cost", "reverse_co"),
     "name": ("name", "street", "street_name", "road_name", "osm_name", "link_label"),
