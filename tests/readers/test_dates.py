@@ -429,6 +429,14 @@ def test_times_of_unlikely_years_are_said(since, year, form):
     assert any(f"times in column 'time' are of {year}; is that right?" in n for n in drive.notes)
 
 
+def test_seconds_of_a_week_are_said_to_count_from_no_known_start():
+    for first, said in ((114_418.0, True), (80_000.0, False), (0.0, False)):
+        (drive,) = drive_from_table({"time": first + np.arange(N), "lat": LAT, "lon": [8.7] * N})
+        assert drive.fixes.time[0] == first
+        told = [note for note in drive.notes if "1.3 days before the first; 1970-01-01" in note]
+        assert len(told) == said
+
+
 def test_dates_without_a_time_of_day_are_refused(tmp_path):
     with pytest.raises(ReadError, match="no time that can be understood, such as '2026-03-28'"):
         drive_of(tmp_path, time=MOMENTS.strftime("%Y-%m-%d"))

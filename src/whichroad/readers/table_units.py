@@ -16,7 +16,7 @@ from ..observations import Array
 from . import units_by_places as fit
 from .arrow_columns import Times
 from .checks import LAST
-from .dates import EARLIEST, from_serial
+from .dates import DAY, EARLIEST, from_serial
 from .drive_columns import Columns
 from .mixed_rows import REFUSED, alternating, said_of
 from .names import Column
@@ -88,6 +88,11 @@ def in_seconds(
             sizes = np.sort(np.abs(time[np.isfinite(time)]))
             if len(sizes) and sizes[len(sizes) // 2] >= EARLIEST:  # of no plausible year
                 time = np.full(len(time), np.nan)
+            elif len(sizes) and sizes[0] >= DAY:  # such as seconds of the GPS week
+                notes.append(
+                    f"times count from a start that is not known, {sizes[0] / DAY:,.1f} "
+                    "days before the first; 1970-01-01 was taken"
+                )
     return time
 
 
