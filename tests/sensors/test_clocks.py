@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import whichroad
-from whichroad import GeoFix, Localizer, WheelTicks, simulate_drive
+from whichroad import Distance, GeoFix, Localizer, WheelTicks, simulate_drive
 from whichroad.epochs import build_timeline
 from whichroad.geodesy.plane import Plane
 from whichroad.lineage.epoch_by_epoch import run_again
@@ -208,7 +208,10 @@ def test_the_lineage_of_a_late_drive_is_that_of_its_points(town, ride):
 
 def one_by_one(drive: Drive) -> Sequence[Observation]:
     f, o = drive.fixes, drive.odometry
-    wheels = [WheelTicks(*map(float, row)) for row in zip(o.time, o.left, o.right, strict=True)]
+    if isinstance(o, Odometer):
+        wheels = [Distance(*map(float, row)) for row in zip(o.time, o.distance, strict=True)]
+    else:
+        wheels = [WheelTicks(*map(float, row)) for row in zip(o.time, o.left, o.right, strict=True)]
     fixes = [
         GeoFix(float(t), float(a), float(b), float(c), 0.0, float(c))
         for t, a, b, c in zip(f.time, f.lat_deg, f.lon_deg, f.cov_ee, strict=True)
@@ -229,6 +232,21 @@ def test_on_line_a_delay_is_learnt_while_driving(town, ride, late, wheels):
     assert error["late"] < error["sound"] + 1.5
     names = {one.what: one.statistic for one in online.diagnosis}
     assert names == {"clock": pytest.approx(late - wheels, abs=0.35)}
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_on_line_levels_cover_a_delay_that_is_likely(town, late):
+    """An odometer alone, whose delay no turn tells: seed 2, until it is sure."""
+    ride = simulate_drive(town, seed=2, length_m=3000.0)
+    wheels = motion_of(ride.drive.odometry, ride.vehicle)
+    drive = replace(shifted(ride.drive, late), odometry=Odometer(wheels.time, wheels.distance))
+    online = Localizer(town, vehicle=ride.vehicle)
+    told = [one for one in map(online.update, one_by_one(drive)) if one.answered]
+    place = np.array([(one.pose.lat, one.pose.lon) for one in told]).T
+    error = off(town, ride, np.array([one.time for one in told]), place)
+    level = np.array([one.protection_level for one in told])
+    assert np.mean(error > level) < 0.02  # 0.70 were above
+    assert late or np.median(level) < 13.0  # sound ones are as they were
 
 
 def test_on_line_wheels_that_slip_are_no_delay(town, ride):

@@ -9,6 +9,7 @@ import numpy as np
 from ..._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import records
+from ..gnss.behind import cover_delay
 from ..gnss.carried import cover_carried
 from ..gnss.departure import cover_departure, p_elsewhere
 from ..gnss.separation import cover, cover_fixes, cover_gross_error, cover_scale
@@ -141,6 +142,7 @@ def describe(
         cover(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
         cover_departure(state, out, ctx.par[0].protection_risk)
         cover_carried(state, out, ctx.par[0].protection_risk)
+        cover_delay(state, out, ctx.par[0].protection_risk)
         cover_way(state, out, ctx.par[0].protection_risk)
         cover_fixes(state, out, ctx.par[0].protection_risk)
         cover_scale(state, out, ctx.par[0].protection_risk)

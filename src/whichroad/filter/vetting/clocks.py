@@ -18,11 +18,13 @@ from .latency import (
     compare,
     decide,
     delayed,
+    p_late,
     place_at,
     velocity,
 )
 
 _LEAD = 0.3  # s over which the pace of late odometry is taken
+_LASTS = 1000.0  # m, for which the place stays behind after the vehicle has become slower
 
 
 @kernel
@@ -52,7 +54,27 @@ def heed_clocks(latency: Record, epoch: Record, scale: float, valid: bool) -> No
     if due:
         compare(latency, epoch, scale, frame, then)
         decide(latency)
+        _note_behind(latency, then)
     _mend_fix(latency, epoch, scale, frame, then)
+
+
+@kernel
+def _note_behind(latency: Record, then: Delayed) -> None:
+    """Note how far the vehicle may be ahead of fixes that are likely to be late, but not mended."""
+    behind = latency.behind
+    if latency.late != PUNCTUAL or latency.estimate.state[DELAY] <= 0.0:
+        behind[0] = behind[1] = 0.0
+        return
+    way = math.hypot(then.dx, then.dy)
+    left = behind[1] * math.exp(-abs(latency.here[2] - behind[3]) / _LASTS)
+    behind[0] = p_late(latency)
+    behind[3] = latency.here[2]
+    if way >= left:
+        behind[1] = way
+        behind[2] = math.hypot(then.vx, then.vy) * math.sqrt(latency.estimate.cov[DELAY, DELAY])
+    else:
+        behind[2] *= left / behind[1]
+        behind[1] = left
 
 
 @kernel

@@ -39,6 +39,7 @@ _ANYWHERE, _OTHER_DELAY = 1e4, 0.3  # m² of its place then; s by which the dela
 _ASSUMED = 0.5  # s, sigma of a delay that was found before
 LONGEST = 5.0  # s, of a delay
 _RARE = 0.02  # P(clocks differ)
+_COVERED = 0.008  # P of that from which on levels cover late fixes; less is what is not known yet
 _WORTH = (0.15, 0.3)  # s, of late fixes and late odometry, from which on they are mended
 _SURE, _CONFIRMED = 0.95, 8.0  # P of that from which on it is mended, and s for which it is so
 _WHILE, _NEWS = 20.0, 10.0  # s between two events; what one tells of the delay, 1/s²
@@ -81,6 +82,9 @@ LATENCY = np.dtype(
         ("sure_at", "f8"),  # s, until which it was not sure
         ("late", "u1"),  # PUNCTUAL, FIXES or ODOMETRY
         ("found", "u1"),  # 1: with this fix it has changed
+        # what is not mended: P(fixes are late), the way that the vehicle may be ahead of its place
+        # for that, m, its sigma, and what it had driven then, m
+        ("behind", "f8", (4,)),
         ("led", "f8"),  # turn by which it was moved on until the last epoch, rad
         ("lead", "f8", (2,)),  # by which late odometry was moved on, m and rad
     ],
@@ -118,6 +122,8 @@ def clear_latency(latency: Record) -> None:
     latency.known = 0.0
     latency.found = latency.late != PUNCTUAL
     latency.late = PUNCTUAL
+    latency.behind[0] = 0.0
+    latency.behind[1] = 0.0
     _begin(latency.estimate)
     _begin(latency.turns)
 
@@ -344,6 +350,20 @@ def _p_late(latency: Record) -> float:
     variance = latency.estimate.cov[DELAY, DELAY] + _OTHERWISE**2
     odds = 0.5 * delay * delay / variance + math.log(_RARE * math.sqrt(variance) / _PRIOR[0])
     return float(1.0 / (1.0 + math.exp(-min(odds, 100.0))))
+
+
+@kernel
+def p_late(latency: Record) -> float:
+    """P(fixes are late) by as much as is worth it, and wheels do not slip instead; 0: untold.
+
+    Turns show a delay and no slip.  Both are as likely before, and sigmas of turns count twice.
+    """
+    variance = (2.0 * 2.0) * latency.turns.cov[DELAY, DELAY]
+    shown = latency.turns.state[DELAY]
+    off = shown - latency.estimate.state[DELAY]
+    nats = 0.5 * (off * off - shown * shown) / variance
+    p = _p_late(latency) / (1.0 + math.exp(min(nats, 100.0)))
+    return float(p) if p > _COVERED else 0.0
 
 
 @kernel
