@@ -254,6 +254,12 @@ def test_trips_that_need_more_room_are_matched_alone(roads, fleet, monkeypatch, 
     assert same(whole, match_many(fleet, roads))
 
 
+def test_buffers_are_allocated_once_however_many_calls_and_threads(roads, fleet, monkeypatch):
+    whole = match_many(fleet, roads, threads=1)
+    monkeypatch.setattr(workspace, "new_work", None)  # calling it would fail
+    assert same(whole, match_many(fleet, roads, threads=1))  # in another thread than before
+
+
 @pytest.mark.parametrize("steps", [9, 32, 33])
 def test_trips_that_need_more_room_are_smoothed_alone(roads, fleet, monkeypatch, steps):
     mixed = pa.concat_tables([fleet, trip("last", 1, 1.6e9 + 900.0).slice(0, 9)])

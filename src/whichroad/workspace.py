@@ -1,9 +1,9 @@
-"""Buffers that recorded drives are filtered with: allocated once per thread, reset per drive.
+"""Buffers that recorded drives are filtered with: kept by the process, reset per drive.
 
-Allocating them takes as long as filtering some thirty fixes.
+Allocating them takes as long as filtering some hundred fixes.
 """
 
-import threading
+from collections import deque
 from collections.abc import Callable
 
 import numpy as np
@@ -19,7 +19,8 @@ from .settings import Settings, Vehicle, parameters
 _ENTRIES = 1 << 15  # of the path tree, initial capacity
 _STEPS = 1 << 10  # of the history, likewise
 _MOST_STEPS = 1 << 12  # of a history that is kept for the next drive: 10 MiB
-_free = threading.local()  # `workspace`: each thread's, while no drive uses it
+_MOST_KEPT = 16  # of them
+_free: "deque[Workspace]" = deque(maxlen=_MOST_KEPT)  # those that no drive uses now
 
 
 class Workspace:
@@ -34,12 +35,15 @@ class Workspace:
 
     @classmethod
     def taken(cls) -> "Workspace":
-        """This thread's; whoever asks before it is given back gets another."""
-        return _free.__dict__.pop("workspace", None) or cls()
+        """One that nobody uses until it is given back."""
+        try:
+            return _free.pop()
+        except IndexError:
+            return cls()
 
     def give_back(self) -> None:
         """Leave it to the next drive; none of its arrays may be used any more."""
-        _free.workspace = self
+        _free.append(self)
 
     @property
     def empty(self) -> Belief:

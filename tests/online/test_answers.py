@@ -2,7 +2,7 @@
 
 import math
 import pickle
-import threading
+from collections import deque
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -115,7 +115,7 @@ def test_a_long_drive_is_cut_into_chunks_and_its_tree_of_routes_pruned_without_a
         trees.append(new_path(2100))
         return trees[-1]
 
-    monkeypatch.setattr(workspace, "_free", threading.local())
+    monkeypatch.setattr(workspace, "_free", deque())
     monkeypatch.setattr(workspace, "new_path", small_tree)
     monkeypatch.setattr(path, "new_path", small_tree)
     cut = localize_recorded(TOWN, timeline, vehicle=CAR)
