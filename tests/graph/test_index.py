@@ -95,6 +95,22 @@ def test_too_little_room_keeps_the_closest_in_order(lines, point, room):
     assert near(roads, *map(float, point), 200.0, room) == everything[:room]
 
 
+@given(
+    networks, points, st.integers(1, 6), st.floats(0, 90), st.floats(0, 40),
+    st.sampled_from([3.0, 10.0, 64.0]), st.sampled_from([0.0, 1e-5]),
+)  # fmt: skip
+def test_the_closest_few_are_the_first_of_all(lines, point, most, radius, farther, size, curvature):
+    roads = network(lines, size, curvature)
+    x, y = map(float, point)
+    everything, few = records(500, CANDIDATE), records(most, CANDIDATE)
+    expected = everything[: min(index.closest(roads, x, y, radius, everything), most)]
+    if len(expected):
+        expected = expected[expected.distance <= expected.distance[0] + farther]
+    found = few[: index.closest_few(roads, x, y, radius, farther, few)]
+    for name in ("edge", "s", "distance"):
+        assert found[name].tolist() == expected[name].tolist()
+
+
 @given(networks, points, st.integers(-500, 500), st.integers(-500, 500))
 def test_shifting_the_world_shifts_nothing_but_the_world(lines, point, dx, dy):
     roads = network(lines)

@@ -28,6 +28,7 @@ Candidates = Annotated[Records, Array(CANDIDATE, 1)]
 
 _HALF = 2**31  # rows count from -2³¹; columns of either sign fit into what is left of 64 bits
 _SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
+_ROUNDING = 1.0 + 1e-6  # times a squared distance, more than rounding adds to it
 
 
 @kernel
@@ -98,24 +99,29 @@ def foot(roads: Roads, v: int, x: float, y: float) -> tuple[float, float]:
 
 
 @kernel
-def _is_within(roads: Roads, v: int, x: float, y: float, limit: float) -> bool:
-    """Whether the squared distance of a segment, as `foot` has it, is within the limit."""
+def _may_be_within(roads: Roads, v: int, x: float, y: float, limit: float) -> bool:
+    """Whether `foot` has to tell if a segment's squared distance is within the limit.
+
+    It does not divide: where it says no, the segment is farther by more than rounding.
+    """
     a = roads.vertices[v]
     b = roads.vertices[v + 1]
     dx = b.x - a.x
     dy = b.y - a.y
     px = x - a.x
     py = y - a.y
-    along = px * dx + py * dy
+    across = dx * py - dy * px
     square = dx * dx + dy * dy
+    if across * across > limit * square * _ROUNDING:
+        return False
+    along = px * dx + py * dy
     if along <= 0.0:
         return bool(px * px + py * py <= limit)
     if along >= square:
         px = x - b.x
         py = y - b.y
         return bool(px * px + py * py <= limit)
-    across = dx * py - dy * px
-    return bool(across * across / square <= limit)
+    return True
 
 
 @kernel
@@ -180,9 +186,10 @@ def _search_cell(
     """Note the feet within the squared distance `limit` on the segments of one cell."""
     for i in range(roads.cell_first[cell], roads.cell_first[cell + 1]):
         v = roads.segments[i].vertex
-        if _is_within(roads, v, x, y, limit):  # most are not: their abscissae are left alone
+        if _may_be_within(roads, v, x, y, limit):  # most are not: their abscissae are left alone
             square, s = foot(roads, v, x, y)
-            n = _keep(n, roads.segments[i].edge, square, s, found)
+            if square <= limit:
+                n = _keep(n, roads.segments[i].edge, square, s, found)
     return n
 
 
@@ -233,6 +240,83 @@ def closest(roads: Roads, x: float, y: float, radius: float, found: Candidates) 
     _sort(n, found)
     for i in range(n):
         found[i].distance = math.sqrt(found[i].distance) / scale
+    return n
+
+
+@kernel(inline=True)
+def _limit_of(n: int, found: Candidates, beyond: float, limit: float) -> float:
+    """Squared distance up to which `closest_few`, having found n feet, may take another one."""
+    nearest = math.inf
+    for i in range(n):
+        nearest = min(nearest, found[i].distance)
+    reach = math.sqrt(nearest) + beyond
+    limit = min(limit, reach * reach * _ROUNDING)
+    if n < len(found):
+        return limit
+    return float(min(limit, found[_farthest(found, n)].distance))
+
+
+@kernel(inline=True)
+def _gap(at: float, cell: int, size: float) -> float:
+    """How far a coordinate is from a column or row of cells, less what rounding moves it."""
+    low = cell * size
+    return max(low - at, at - low - size, _SLACK) - _SLACK
+
+
+@kernel(inline=True)
+def _search_near(
+    roads: Roads, x: float, y: float, radius: float, beyond: float, found: Candidates
+) -> int:
+    """Note the closest feet, its own cell first: squared, plane units; returns how many."""
+    size = roads.plane[0].cell_size
+    reach = radius + _SLACK
+    left, right = math.floor((x - reach) / size), math.floor((x + reach) / size)
+    low, high = math.floor((y - reach) / size), math.floor((y + reach) / size)
+    limit = radius * radius
+    key = cell_key(math.floor(x / size), math.floor(y / size))
+    own = find(roads.cell_key, key)
+    n = 0
+    if own < len(roads.cell_key) and roads.cell_key[own] == key:
+        n = _search_cell(roads, own, x, y, limit, n, found)
+        limit = _limit_of(n, found, beyond, limit)
+    else:
+        own = -1
+    for column in range(left, right + 1):
+        aside = _gap(x, column, size)
+        cell = find(roads.cell_key, cell_key(column, low))
+        while cell < len(roads.cell_key) and roads.cell_key[cell] <= cell_key(column, high):
+            away = _gap(y, roads.cell_key[cell] - cell_key(column, 0), size)
+            if cell != own and aside * aside + away * away <= limit:
+                n = _search_cell(roads, cell, x, y, limit, n, found)
+                limit = _limit_of(n, found, beyond, limit)
+            cell += 1
+    return n
+
+
+@kernel
+def closest_few(
+    roads: Roads, x: float, y: float, radius: float, farther: float, found: Candidates
+) -> int:
+    """The first of `closest`, as many as the table holds: it looks no farther than it has to.
+
+    Args:
+        roads: The network.
+        x: m, plane.
+        y: m.
+        radius: True m.
+        farther: True m; no edge is farther from the point than the closest one by more.
+        found: (n,) CANDIDATE, out.
+
+    Returns:
+        How many.
+    """
+    scale = plane_scale(roads, x, y)
+    n = _search_near(roads, x, y, radius * scale, farther * scale, found)
+    _sort(n, found)
+    for i in range(n):
+        found[i].distance = math.sqrt(found[i].distance) / scale
+    while n > 0 and found[n - 1].distance > found[0].distance + farther:
+        n -= 1
     return n
 
 

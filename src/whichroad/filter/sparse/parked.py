@@ -10,7 +10,7 @@ import math
 
 from ..._compile import Record, kernel
 from ...graph.geometry import locate
-from ...graph.index import closest, vertex_at
+from ...graph.index import closest_few, vertex_at
 from ..gaussian import update_state
 from ..lookback.path_tree import enter
 from ..motion import add_across
@@ -160,10 +160,8 @@ def leave_parking(belief: Belief, path: Path, ctx: Context, epoch: Record, dt: f
         belief.hyp[spawn(belief, i, (1.0 - _BACK) * _LEAVES, OFF_ROAD, hyp.segment)].stood = 0.0
         x = hyp.mu[X] + state.scale * hyp.mu[MX]
         y = hyp.mu[Y] + state.scale * hyp.mu[MY]
-        near = ctx.work.near
-        found = min(closest(ctx.roads, x, y, _RADIUS, near), _ROADS)
-        while found > 0 and near[found - 1].distance > near[0].distance + _FARTHER:
-            found -= 1
+        near = ctx.work.near[:_ROADS]
+        found = closest_few(ctx.roads, x, y, _RADIUS, _FARTHER, near)
         for c in range(found):
             if state.count < CAPACITY:
                 _start_from(belief, path, ctx, i, c, (_BACK * _LEAVES / found, dt))
