@@ -17,6 +17,7 @@ _CORNER = 10.0  # m/s √rad, of the speed that a turn allows
 _FAST = 1.6  # usual speeds of the road, that nobody exceeds
 _ALLOWED_SIGMA = 0.3  # relative, of the speed that a turn allows
 _LEAST_FIT = 0.1  # as the map may draw a corner where there is a bend
+_TOO_FAST = 1.3  # sigmas; Φ(−1.3) is less than that
 _SIGMA = 0.5  # m/s, of an odometer's speed
 _ON = 0.2  # P(who comes to the end of a road finds another one that the map lacks)
 _STANDS = 0.5  # m/s, below which a vehicle waits, and may turn to anywhere
@@ -42,6 +43,8 @@ def speed_fit(usual: float, angle: float, driven: tuple[float, float]) -> float:
     allowed = most
     if abs(angle) * most * most > _CORNER * _CORNER:
         allowed = math.sqrt(_CORNER * _CORNER / abs(angle))
+    if speed - allowed > _TOO_FAST * (_ALLOWED_SIGMA * allowed + sigma):
+        return _LEAST_FIT / allowed
     z = (allowed - speed) / math.hypot(_ALLOWED_SIGMA * allowed, sigma)
     return float(max(normal_cdf(z), _LEAST_FIT) / allowed)
 
