@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 
 from .._compile import Array, Ints, Records, entry, kernel
+from ._ahead import prefetch
 from .network import Roads, plane_scale
 
 CANDIDATE = np.dtype(
@@ -28,6 +29,7 @@ Candidates = Annotated[Records, Array(CANDIDATE, 1)]
 
 _HALF = 2**31  # rows count from -2³¹; columns of either sign fit into what is left of 64 bits
 _SLACK = 1e-6  # m, more than rounding moves a point across the border of a cell
+_AHEAD = 4  # segments that are asked for before they are looked at
 _ROUNDING = 1.0 + 1e-6  # times a squared distance, more than rounding adds to it
 
 
@@ -184,7 +186,9 @@ def _search_cell(
     roads: Roads, cell: int, x: float, y: float, limit: float, n: int, found: Candidates
 ) -> int:
     """Note the feet within the squared distance `limit` on the segments of one cell."""
-    for i in range(roads.cell_first[cell], roads.cell_first[cell + 1]):
+    last = roads.cell_first[cell + 1] - 1
+    for i in range(roads.cell_first[cell], last + 1):
+        prefetch(roads.vertices[roads.segments[min(i + _AHEAD, last)].vertex])
         v = roads.segments[i].vertex
         if _may_be_within(roads, v, x, y, limit):  # most are not: their abscissae are left alone
             square, s = foot(roads, v, x, y)

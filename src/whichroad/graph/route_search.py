@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from .._compile import Ints, Records, kernel
+from ._ahead import prefetch
 from .labels import (
     GOALS,
     LABEL_BITS,
@@ -210,6 +211,7 @@ def _expand(
         turn = roads.turns[t]
         cost = end.cost + float(turn.cost)
         if cost + ahead <= limit:
+            prefetch(roads.edges[turn.edge])
             reach = Reach(cost, end.length, end.time, end.turn + float(turn.angle))
             _relax(search, turn.edge, label, reach, ahead)
 
@@ -392,12 +394,17 @@ def _turn_round(roads: Roads, search: Search, query: Query, edge: int, left: flo
 
 
 @kernel(inline=True)
-def _next_label(search: Search) -> int:
+def _next_label(roads: Roads, search: Search) -> int:
     """Take the open label of the least key out of the queue, -1: there is none."""
     run = search.run[0]
     while run.queued > 0:
         label = pop(search.queue, int(run.queued))
         run.queued -= 1
+        if run.queued > 0:
+            following = search.queue[0] & ((1 << LABEL_BITS) - 1)
+            after = roads.edges[search.label[following].edge]
+            if after.first_turn < after.end_turn:
+                prefetch(roads.turns[after.first_turn])
         if search.label[label].done != _SETTLED:
             return label
     return -1
@@ -470,7 +477,7 @@ def find_routes(roads: Roads, search: Search, query: Query, edge: int, s: float)
             _copy_suffixes(roads, search, query, prefix, label, end)
         elif not copied:
             _expand(roads, search, query, current, label, end)
-        label = _next_label(search)
+        label = _next_label(roads, search)
         if run.labels - first_label >= query.most:
             return hits
         if label < 0 or search.label[label].key > run.limit:

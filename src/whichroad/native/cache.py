@@ -25,7 +25,7 @@ _COMPILER = (
     "native/layout.py",
     "native/lower.py",
 )  # also change what comes out
-_BY_NUMBA = ("simulate/vectorised/*.py", "native/rows.py")  # never ahead of time
+_BY_NUMBA = ("simulate/vectorised/*.py", "native/rows.py", "native/ahead.py")  # never ahead of time
 TOOLS = ("llvmlite",)
 _V3 = "avx avx2 bmi1 bmi2 f16c fma abm movbe xsave"
 _PROCESSORS = {  # better than those that wheels are for, best first: by what flags Linux tells them

@@ -32,6 +32,7 @@ from .kinds import (
     scalars,
     text,
 )
+from .rows import PREFETCH
 from .statements import Statements, always_returns, parameter_names, parameters
 
 ENTRY = "whichroad_"  # with this begins what C calls
@@ -81,6 +82,7 @@ class Module:
         self._tables: dict[tuple[str, ...], str] = {}
         self._open: list[tuple[str, dict[str, None]]] = []  # being compiled, and what each calls
         self.declare(f"void @{COPY}(ptr, ptr, i64, i1)")
+        self.declare(f"void @{PREFETCH}(ptr, i32, i32, i32)")
 
     def declare(self, signature: str) -> None:
         """A function that is elsewhere, as LLVM writes it."""

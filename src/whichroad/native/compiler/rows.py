@@ -13,6 +13,8 @@ from .kinds import NOTHING, REAL, Emit, Grid, NotInKernels, Value, cast, text
 _WIDTH = 4  # numbers that one vector instruction takes
 _VECTOR = f"<{_WIDTH} x double>"
 
+PREFETCH = "llvm.prefetch.p0"
+
 Work = Callable[[str, str], str]  # (values, others) -> new values, each by its name
 
 
@@ -43,6 +45,9 @@ class Rows:
             case "copy_record":
                 target, source = arguments
                 self.addresses.copy(source, target)
+            case "prefetch":
+                pointer = arguments[0].leaves[0]
+                self.addresses.write(f"call void @{PREFETCH}(ptr {pointer}, i32 0, i32 3, i32 1)")
             case "set_to":
                 self._each(arguments, lambda target, source: source)
             case name:
