@@ -216,6 +216,19 @@ def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
 
 
 @kernel(inline=True)
+def _shared_edges(belief: Belief) -> int:
+    """Bits of edges modulo 64, set where two living hypotheses may be on one."""
+    seen = shared = 0
+    for i in range(belief.state[0].count):
+        edge = belief.hyp[i].edge
+        if edge != NO_EDGE:
+            bit = 1 << (int(edge) & 63)
+            shared |= seen & bit
+            seen |= bit
+    return shared
+
+
+@kernel(inline=True)
 def _has_earlier(belief: Belief, i: int) -> bool:
     """Whether a hypothesis before i is on the same edge: its pairs have been compared."""
     j = 0
@@ -265,10 +278,12 @@ def reduce(belief: Belief, path: Path, ctx: Context) -> None:
         if hyp.weight < floor and (hyp.weight < _WAITING or not is_waiting(hyp, state.time)):
             hyp.edge = NO_EDGE
             dropped += 1
+    shared = _shared_edges(belief)
     for i in range(n):
-        if belief.hyp[i].edge == NO_EDGE or is_waiting(belief.hyp[i], state.time):
+        edge = belief.hyp[i].edge
+        if edge == NO_EDGE or shared & (1 << (int(edge) & 63)) == 0:
             continue
-        if _has_earlier(belief, i):
+        if is_waiting(belief.hyp[i], state.time) or _has_earlier(belief, i):
             continue
         while belief.hyp[i].edge != NO_EDGE and _merge_edge(belief, i, limit, most):
             dropped += 1

@@ -137,20 +137,21 @@ def describe(
         ranking.known = 0
     if ranking.known == 0:
         set_odds(belief, ctx.par[0].protection_risk)
-    off = _moments(belief, out)
+    top = belief.hyp[heaviest(belief)]
+    off = _moments(belief, out, top)
     if not ctx.par[0].paper:
-        cover(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
+        cover(state, top, out, ctx.par[0].protection_risk)
         cover_departure(state, out, ctx.par[0].protection_risk)
         cover_carried(state, out, ctx.par[0].protection_risk)
         cover_delay(state, out, ctx.par[0].protection_risk)
         cover_way(state, out, ctx.par[0].protection_risk)
         cover_fixes(state, out, ctx.par[0].protection_risk)
         cover_scale(state, out, ctx.par[0].protection_risk)
-        cover_gross_error(state, belief.hyp[heaviest(belief)], out, ctx.par[0].protection_risk)
+        cover_gross_error(state, top, out, ctx.par[0].protection_risk)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
-    out.speed = -abs(state.speed) if belief.hyp[heaviest(belief)].backs == 1 else state.speed
+    out.speed = -abs(state.speed) if top.backs == 1 else state.speed
     out.chi2 = chi2
     out.gnss_scale = math.sqrt(state.gnss_factor)
     out.map_scale = map_scale(state, ctx.par[0])
@@ -248,17 +249,14 @@ def _status(state: Record, par: Record, off: float, p_way: float, facing: float)
 
 
 @kernel(inline=True)
-def _moments(belief: Belief, out: Record) -> float:
+def _moments(belief: Belief, out: Record, top: Record) -> float:
     """Mean and covariance of the mixture, in the world and on the map; returns P(off road).
 
-    Deviations are from the heaviest hypothesis, and headings on the circle.
+    Deviations are from the heaviest hypothesis, `top`, and headings on the circle.
     """
     state = belief.state[0]
     n = state.count
-    top = heaviest(belief)
-    x0 = belief.hyp[top].mu[X]
-    y0 = belief.hyp[top].mu[Y]
-    h0 = belief.hyp[top].mu[H]
+    x0, y0, h0 = top.mu[X], top.mu[Y], top.mu[H]
     off = 0.0
     mx = 0.0
     my = 0.0

@@ -63,19 +63,20 @@ def way_share(belief: Belief, ctx: Context, ranking: Record, p_edge: float, off:
 @kernel
 def _likeliest_chain(roads: Roads, ranking: Record) -> int:
     """The ranked edges in the chain of the largest P, as bits."""
-    best = new_row()
-    chain = new_row()
+    best, chain = new_row(), new_row()
     n = 0
     while n < ALTERNATIVES and ranking.p[n] >= _LEAST:
         best[n] = ranking.p[n] if ranking.edge[n] >= 0 else 0.0
         chain[n] = 1 << n
         n += 1
-    grows = True
+    grown = (1 << n) - 1  # chains that are longer than when they were last followed, as bits
     rounds = 1
-    while grows and rounds < n:
-        grows = False
+    while grown != 0 and rounds < n:
         rounds += 1
+        last, grown = grown, 0
         for i in range(n):
+            if (last | grown) & (1 << i) == 0:
+                continue
             for j in range(n):
                 longer = best[i] + ranking.p[j]
                 if longer <= best[j] or int(chain[i]) & (1 << j) > 0:
@@ -83,7 +84,7 @@ def _likeliest_chain(roads: Roads, ranking: Record) -> int:
                 if follows(roads, ranking.edge[i], ranking.edge[j]):
                     best[j] = longer
                     chain[j] = chain[i] + (1 << j)
-                    grows = True
+                    grown |= 1 << j
     top = 0
     for j in range(1, n):
         if best[j] > best[top]:
