@@ -39,7 +39,7 @@ _ANYWHERE, _OTHER_DELAY = 1e4, 0.3  # m² of its place then; s by which the dela
 _ASSUMED = 0.5  # s, sigma of a delay that was found before
 LONGEST = 5.0  # s, of a delay
 _RARE = 0.02  # P(clocks differ)
-_COVERED = 0.008  # P of that from which on levels cover late fixes; less is what is not known yet
+_COVERED, _SEEN = 0.008, 1.0  # P of that from which on levels cover late fixes, and sigma (s)
 _WORTH = (0.15, 0.3)  # s, of late fixes and late odometry, from which on they are mended
 _SURE, _CONFIRMED = 0.95, 8.0  # P of that from which on it is mended, and s for which it is so
 _WHILE, _NEWS = 20.0, 10.0  # s between two events; what one tells of the delay, 1/s²
@@ -363,7 +363,8 @@ def p_late(latency: Record) -> float:
     off = shown - latency.estimate.state[DELAY]
     nats = 0.5 * (off * off - shown * shown) / variance
     p = _p_late(latency) / (1.0 + math.exp(min(nats, 100.0)))
-    return float(p) if p > _COVERED else 0.0
+    seen = latency.estimate.cov[DELAY, DELAY] < _SEEN * _SEEN
+    return float(p) if seen and p > _COVERED else 0.0
 
 
 @kernel
