@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from online.avenue import CAR, PLANE, STRAIGHT, TOWN, ticks, town_fix, wheels
-from whichroad.observations import GeoFix, Observation, WheelTicks, YawRate
+from whichroad.observations import GeoFix, Observation, SpeedYaw, WheelTicks, YawRate
 from whichroad.online import Localizer
 
 
@@ -180,3 +180,77 @@ def test_a_gyro_an_hour_ahead_does_not_move_the_time_of_all_others():
             online.update(town_fix(STRAIGHT.x[k], -1.75, time))
     assert online.skipped == {}
     assert online.estimate().time == pytest.approx(time)
+
+
+def stepped(by: float, kinds: tuple[type, ...], rate: str = "ticks") -> tuple[Localizer, list]:
+    """40 s of a drive; after 20.05 s the clocks of some kinds go back.  All estimates."""
+    online, said = Localizer(TOWN, vehicle=CAR), []
+    for k, reading in enumerate(ticks(wheels(STRAIGHT))[:400]):
+        time = STRAIGHT.time[k]
+        speed = float(np.gradient(STRAIGHT.s, STRAIGHT.time)[k])
+        one = reading if rate == "ticks" else SpeedYaw(reading.time, speed, 0.0)
+        pair: list[Observation] = [one]
+        if k % 10 == 5:
+            pair.append(town_fix(STRAIGHT.x[k], -1.75, time, bearing_deg=90.0))
+        for observation in pair:
+            if k > 200 and isinstance(observation, kinds):
+                observation = replace(observation, time=observation.time + by)
+            said.append((time, observation.time, online.update(observation)))
+    return online, said
+
+
+@pytest.mark.parametrize("rate", ["ticks", "speeds"])
+@pytest.mark.parametrize("by", [-0.53, -1.02, -2.04, -5.01])
+def test_a_clock_of_all_sensors_that_steps_back_loses_no_way(by: float, rate: str):
+    online, said = stepped(by, (GeoFix, WheelTicks, SpeedYaw), rate)
+    sound = stepped(0.0, (), rate)[1]
+    assert online.skipped.get("late", 0) <= 4
+    assert set(online.skipped) <= {"late"}
+    for (time, own, here), (_, _, there) in zip(said, sound, strict=True):
+        if time > 20.6:
+            assert here.time == pytest.approx(own, abs=1e-6)
+            assert abs(here.pose.x - there.pose.x) < 0.3
+            assert here.protection_level < 1.1 * there.protection_level
+    [found] = [found for found in online.diagnosis if found.what == "clock: set back"]
+    assert found.statistic == pytest.approx(-by, abs=0.02)
+    ahead = online.predict(own + 1.0)
+    assert ahead.time == pytest.approx(own + 1.0, abs=1e-6)
+    assert online.estimate().time == pytest.approx(own, abs=1e-6)
+
+
+@pytest.mark.parametrize("by", [-0.5, -2.0])
+def test_a_clock_of_odometry_alone_that_steps_back_is_followed(by: float):
+    online, said = stepped(by, (WheelTicks,))
+    sound = stepped(0.0, ())[1]
+    assert online.skipped.get("late", 0) <= 4
+    assert abs(said[-1][2].pose.x - sound[-1][2].pose.x) < 0.3
+    assert said[-1][2].time == pytest.approx(sound[-1][2].time, abs=0.02)
+    assert "clock: set back" in [found.what for found in online.diagnosis]
+
+
+def test_a_clock_that_was_set_back_stays_known_over_bytes():
+    online, said = stepped(-2.0, (GeoFix, WheelTicks))
+    again = Localizer.from_bytes(online.to_bytes(), TOWN)
+    k, own = 400, said[-1][1]
+    later = replace(ticks(wheels(STRAIGHT))[k], time=STRAIGHT.time[k] - 2.0)
+    assert again.update(later).time == pytest.approx(later.time, abs=1e-6)
+    assert later.time > own
+    assert again.skipped == online.skipped
+    assert "clock: set back" in [found.what for found in again.diagnosis]
+
+
+@pytest.mark.parametrize("wrong", ["repeated", "overtaken", "one ahead"])
+def test_batches_that_come_twice_or_too_late_set_no_clock_back(wrong: str):
+    online, readings = Localizer(TOWN, vehicle=CAR), ticks(wheels(STRAIGHT))[:300]
+    order = {
+        "repeated": [*range(200), *range(180, 200), *range(200, 300)],
+        "overtaken": [*range(180), *range(200, 220), *range(180, 200), *range(220, 300)],
+        "one ahead": [*range(180), 200, *range(180, 300)],
+    }[wrong]
+    for k in order:
+        online.update(readings[k])
+        if k % 10 == 5:
+            online.update(town_fix(STRAIGHT.x[k], -1.75, STRAIGHT.time[k], bearing_deg=90.0))
+    assert "clock: set back" not in [found.what for found in online.diagnosis]
+    assert online.estimate().time == readings[-1].time
+    assert online.skipped["late"] > 18

@@ -11,6 +11,7 @@ from ..filter.vetting.windows import BY_WHEELS
 from ..geodesy.angles import degrees
 from ..sensors.takeover import GYRO, WHEELS, Takeover
 from ..sensors.whole_columns import BACKWARDS, STANDS, TURNLESS
+from ..wording import counted
 from .finding import Finding
 
 _LEAST = 3.0  # s for which a source was withheld, to be named
@@ -134,6 +135,16 @@ def late_finding(kind: str, share: float, most: float) -> Finding:
         f"{kind}: late", "information", share, 0.0, most,
         f"of {who} {share:.0%} were refused lately: they came after {others} of later times; sort "
         "all by their times before, as whichroad live does",
+    )  # fmt: skip
+
+
+def set_back_finding(step: float, count: int) -> Finding:
+    """The clock of the sensors was set back on line, by a step at last (s), so often."""
+    return Finding(
+        "clock: set back", "information", step, 0.0, 0.0,
+        f"odometry went on at times that it had before, {counted(count, 'time')}; the filter goes "
+        f"on by the clock before, by which nothing is lost; have that clock slewed in place of "
+        "stepped while driving (chrony, ntpd)",
     )  # fmt: skip
 
 

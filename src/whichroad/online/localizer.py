@@ -45,6 +45,7 @@ from .one_odometry import SECOND, is_worse
 from .pauses import APART, LateReadings, Pauses, Streams
 from .remembers import Remembers
 from .sensing import Sensing
+from .set_back import Clocks
 from .silence import between, is_speed, learnt, lost_after, silent_after
 from .watched import Watched
 
@@ -122,6 +123,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._statistics = ConsistencyStatistics(self.settings, self.vehicle)
         self._late = LateReadings()
         self._streams = Streams()  # what of each was refused
+        self._clocks = Clocks()  # and which were set back
         self._map = ""  # fingerprint of the map, once it was asked for
 
     def update(self, observation: Observation) -> Estimate:
@@ -132,6 +134,8 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         nothing but older ones has come for two seconds, the clock was set back, or the last
         time was wrong: it begins anew, which is counted too.  So it does at the time of the fixes
         where all of them have been minutes behind for 30 s; what is ahead of them is refused then.
+        Odometry's clock that steps back by up to 10 s is found out after 0.3 s: the filter goes on
+        by the clock before, estimates have the sensors' times, and `diagnosis` names it.
 
         Args:
             observation: A fix or an odometry reading; times in seconds, one clock.
@@ -145,8 +149,8 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._lock.acquire()  # `with` takes 0.2 µs longer, a hundredth of a call
         try:
             if not self._take(observation):
-                return self.predict(self._filter.time)
-            return self._answers.of(self._filter, self._far_fix)
+                return self.predict(self._filter.time - self._clocks.behind)
+            return self._answers.of(self._filter, self._far_fix, self._clocks.behind)
         finally:
             self._lock.release()
 
@@ -165,6 +169,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
     def _take(self, observation: Observation) -> bool:
         if (possible := validated(observation, self.skipped)) is None:
             return False
+        possible = self._clocks.at_filter_time(possible, self._filter.time)
         if isinstance(possible, YawRate):
             rate = true_rate(possible.yaw_rate, self.vehicle)
             return self._take_yaw_rate(replace(possible, yaw_rate=rate))
@@ -197,7 +202,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             now = self._filter
             if self._ahead is None:
                 self._ahead = EpochFilter(now.ctx)
-            double, time = self._ahead, max(time, now.time)
+            double, time = self._ahead, max(time + self._clocks.behind, now.time)
             ahead = time - now.time
             if now.started and ahead > _FARTHEST:
                 raise ReadError(
@@ -207,7 +212,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             double.copy_from(now)
             double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), 0)
             double.run()
-            return self._answers.of(double, self._far_fix)
+            return self._answers.of(double, self._far_fix, self._clocks.behind)
 
     def _take_yaw_rate(self, reading: YawRate) -> bool:
         """Keep it until the odometry is read; in a silence of wheels move by it."""
@@ -351,7 +356,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
     def estimate(self) -> Estimate:
         """The estimate at the last observation that was taken."""
         with self._lock:
-            return self._answers.of(self._filter, self._far_fix)
+            return self._answers.of(self._filter, self._far_fix, self._clocks.behind)
 
     @classmethod
     def from_bytes(

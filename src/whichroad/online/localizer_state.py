@@ -60,7 +60,8 @@ class Odometry(NamedTuple):
     far_fix: tuple[float, float]  # time of the last fix, m it is away if not believed
     mode: int  # WHEELS, DISTANCE or CLOCK
     gyro: list[list[float]]  # what `sensors.gyro_turns.GyroTurns` keeps
-    sensed: list[Any]  # and `Sensing`
+    sensed: list[Any]  # and `Sensing`,
+    clocks: list[Any]  # and `set_back.Clocks`
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,7 @@ class State:
     """What a localizer knows at one moment.
 
     Attributes:
-        time: s since 1970.
+        time: s since 1970, by the filter's clock.
         count: How many hypotheses lived.
         tables: Records of the filter by name, as bytes; of the hypotheses those that live.
         odometry: What is known of the last readings.
@@ -181,6 +182,7 @@ def _records() -> str:
     """Tells versions apart: fields of the records, and of what a localizer is made with."""
     known = [repr(d.descr) for d in (HYPOTHESIS, FILTER, EPOCH, ESTIMATE, MOTION, REFERENCE)]
     known += [field.name for kind in (Settings, Vehicle, StartPose) for field in fields(kind)]
+    known += [*Odometry._fields, *Made._fields]
     return f"{zlib.crc32(' '.join(known).encode()):08x}"
 
 

@@ -9,6 +9,7 @@ from ..lookback.smoothing import Window
 from .answering import Answering
 from .epoch_filter import EpochFilter
 from .estimates import Estimate
+from .set_back import Clocks
 
 
 class LooksBack:
@@ -19,6 +20,7 @@ class LooksBack:
     _filter: EpochFilter
     _answers: Answering
     _far_fix: tuple[float, float]
+    _clocks: Clocks
 
     def lagged(self) -> Estimate | None:
         """The estimate of a moment the lag ago, by all that was observed since.
@@ -33,7 +35,8 @@ class LooksBack:
             found = self._smoothed(True)
             if found is None:
                 return None
-            return self._answers.of_past(found[0], found[1], self._far_fix)
+            behind = self._clocks.behind
+            return self._answers.of_past(found[0], found[1], self._far_fix, behind)
 
     @property
     def decided_until(self) -> float | None:
@@ -46,7 +49,8 @@ class LooksBack:
         """
         with self._lock:
             found = self._smoothed(False)
-            return None if found is None else found[2]
+            until = None if found is None else found[2]
+            return None if until is None else until - self._clocks.behind
 
     def _smoothed(self, back: bool) -> tuple[Belief, Output, float | None] | None:
         if self._past is None:

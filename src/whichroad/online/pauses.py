@@ -9,6 +9,7 @@ from ..observations import GeoFix, Observation, SensorReading, StartPose
 from ..sensors.validation import check_time
 from .epoch_filter import EpochFilter
 from .localizer_state import Reading, State
+from .set_back import Clocks
 
 _FEWEST, _FOR = 3, 2.0  # readings in a row, and s of theirs, that are refused as late
 _OF_SPEED, _LEAST_SPEED = 0.3, 0.5  # share of the way that is unsure, and m/s taken up unseen
@@ -136,6 +137,7 @@ class Pauses:
     _start: StartPose | None
     _late: LateReadings
     _streams: Streams
+    _clocks: Clocks
     _run: Callable[[], None]
     restore: Callable[[State], None]
     _blank: Callable[[], State]
@@ -146,7 +148,8 @@ class Pauses:
         late = now.time - time
         if stream.ahead and late < -APART:
             return self._refuse(AHEAD, stream, late)
-        if late > (_FIX_LATE if stream is self._streams.fixes else 0.0) and now.started:
+        may = min(_FIX_LATE, self._clocks.latest) if stream is self._streams.fixes else 0.0
+        if late > may and now.started:
             if self._late.are_of_another_clock(time):
                 self._begin_anew(SET_BACK)
             elif stream is self._streams.fixes and stream.is_of_another_clock:
@@ -156,6 +159,7 @@ class Pauses:
                 return self._refuse("late", stream, late)
         self._late.took()
         self._streams.of(observation).took()
+        self._clocks.took(observation, late)
         return True
 
     def _refuse(self, why: str, stream: Stream, late: float) -> bool:
@@ -166,7 +170,9 @@ class Pauses:
 
     def _begin_anew(self, why: str) -> None:
         """Forget all but the settings, and count it."""
+        clocks = self._clocks.kept()
         self.restore(self._blank())
+        self._clocks.restore(clocks)
         self._start = None
         self.skipped[why] = self.skipped.get(why, 0) + 1
 
@@ -186,6 +192,7 @@ class Pauses:
         check_time(time, "wake")
         with self._lock:
             now = self._filter
+            time += self._clocks.behind
             age = time - now.time
             if age <= 0.0 or not now.started:
                 return

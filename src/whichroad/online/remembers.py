@@ -13,6 +13,7 @@ from .epoch_filter import EpochFilter
 from .localizer_state import Made, Odometry, Reading, State, fingerprint
 from .pauses import LateReadings, Streams
 from .sensing import Sensing
+from .set_back import Clocks
 
 
 class Remembers:
@@ -38,6 +39,7 @@ class Remembers:
     _statistics: ConsistencyStatistics
     _late: LateReadings
     _streams: Streams
+    _clocks: Clocks
     _map: str
 
     def __getstate__(self) -> dict[str, Any]:
@@ -62,6 +64,7 @@ class Remembers:
             odometry = Odometry(
                 self._odometer, self._rate, self._interval, self._began, self._reading,
                 self._far_fix, now.mode, self._gyro.kept(), self._sensing.kept(),
+                self._clocks.kept(),
             )  # fmt: skip
             made = Made(self._fingerprint(), self.lag, self.vehicle, self.settings, self._start)
             return State(
@@ -89,6 +92,7 @@ class Remembers:
             now.set_mode(known.mode)
             self._gyro.restore(known.gyro)
             self._sensing.restore(known.sensed)
+            self._clocks.restore(known.clocks)
             self._odometer, self._rate = known.odometer, known.rate
             self._interval, self._began = known.interval, known.began
             self._reading, self._far_fix = known.reading, known.far_fix

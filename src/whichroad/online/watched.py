@@ -20,6 +20,7 @@ from .epoch_filter import EpochFilter
 from .localizer_state import Reading
 from .pauses import Streams
 from .sensing import Sensing
+from .set_back import Clocks
 
 
 class Watched:
@@ -34,6 +35,7 @@ class Watched:
     _gyro: GyroTurns
     _reading: Reading | None
     _streams: Streams
+    _clocks: Clocks
 
     @property
     def sensors(self) -> tuple[Sensor, ...]:
@@ -81,7 +83,7 @@ class Watched:
             elsewhere = () if outside is None else (outside_finding(outside),)
             if outside is not None and outside.swapped:
                 return elsewhere
-            streams = self._streams.findings()
+            streams = (*self._clocks.findings(), *self._streams.findings())
             further = (*elsewhere, *streams, *further_findings(names, state.sensors))
             if isinstance(self._reading, WheelTicks) and self._gyro.by == BY_WHEELS:
                 further += tick_findings(turn_of_ticks(self._statistics.vehicle))

@@ -1,0 +1,137 @@
+"""Clocks of all sensors that step back by some seconds, as NTP does: the filter's goes on."""
+
+from bisect import bisect_right
+from collections import deque
+from dataclasses import replace
+from itertools import islice, pairwise
+from statistics import median
+from typing import Any
+
+from ..diagnosis.finding import Finding
+from ..diagnosis.sensors import set_back_finding
+from ..observations import GeoFix, Observation, SensorReading, YawRate
+from .localizer_state import Reading
+
+_FEWEST, _FOR = 3, 0.25  # readings and s of them through times that were gone through before
+_MOST = 10.0  # s; after a larger step the filter begins anew
+_KEPT, _USUAL = 1024, 32  # readings that are remembered; those that tell the usual interval
+_GAP = 1.5  # usual intervals between two readings, from which on one is missing there
+_NEWS = 0.1  # share of a new latency in the usual one
+_ODOMETRY, _FIXES, _FURTHER, _GYRO = range(4)
+
+
+def _kind(observation: Observation) -> int:
+    if isinstance(observation, GeoFix):
+        return _FIXES
+    if isinstance(observation, YawRate):
+        return _GYRO
+    return _FURTHER if isinstance(observation, SensorReading) else _ODOMETRY
+
+
+class Clocks:
+    """How far the clock of each kind of sensor is behind the filter's, which never goes back.
+
+    Odometry that goes on through times which it had before tells a step.  The first reading of
+    another kind tells whether its clock made the same one.
+
+    Attributes:
+        steps: How often the clock was set back.
+        last: By how much at last, s.
+    """
+
+    __slots__ = ("_again", "_by", "_open", "_ran", "_usual", "last", "steps")
+
+    def __init__(self) -> None:
+        self.steps, self.last = 0, 0.0
+        self._by = [0.0] * 4  # s by kind
+        self._open = [0.0] * 4  # s of a step that a kind may have made too
+        self._usual = [0.0] * 4  # s that a kind usually comes later than the newest reading
+        self._ran: deque[Reading] = deque(maxlen=_KEPT)  # odometry that was taken
+        self._again: list[float] = []  # times of that which goes through the same times again
+
+    @property
+    def behind(self) -> float:
+        """The fixes' clock, until one has come that of odometry, is behind the filter's, s."""
+        return self._by[_ODOMETRY if self._open[_FIXES] else _FIXES]
+
+    @property
+    def latest(self) -> float:
+        """How late a fix is, at most, while the clock may have been set back, s."""
+        return self._usual[_FIXES] + _FOR if self._again else float("inf")
+
+    def took(self, observation: Observation, late: float) -> None:
+        """A reading was taken.
+
+        Args:
+            observation: At the filter's time.
+            late: By so much it was behind the newest one, s.
+        """
+        kind = _kind(observation)
+        self._usual[kind] += _NEWS * (late - self._usual[kind])
+        if kind == _ODOMETRY:
+            self._ran.append(observation)  # type: ignore[arg-type]
+            self._again.clear()
+
+    def at_filter_time(self, observation: Any, now: float) -> Any:
+        """The same observation by the filter's clock.
+
+        Args:
+            observation: By the sensor's clock.
+            now: The filter's time, s.
+        """
+        kind = _kind(observation)
+        if self.steps:
+            step = self._open[kind]
+            if step:
+                self._open[kind] = 0.0
+                if now - observation.time - self._by[kind] - self._usual[kind] > 0.5 * step:
+                    self._by[kind] += step
+            if self._by[kind]:
+                observation = replace(observation, time=observation.time + self._by[kind])
+        if kind == _ODOMETRY and self._ran and observation.time < self._ran[-1].time:
+            step = self._step(observation)
+            if step:
+                observation = replace(observation, time=observation.time + step)
+        return observation
+
+    def _step(self, reading: Reading) -> float:
+        """By how much odometry's clock was set back, s; 0: it was not, or it is not known yet."""
+        times = [one.time for one in islice(reversed(self._ran), _USUAL)]
+        interval = median(a - b for a, b in pairwise(times)) if len(times) > _FEWEST else 0.0
+        if not self._runs_again(reading, interval):
+            return 0.0
+        if self._again and reading.time <= self._again[-1]:
+            self._again.clear()
+        self._again.append(reading.time)
+        first, step = self._again[0], self._ran[-1].time + interval - self._again[0]
+        if len(self._again) < _FEWEST or reading.time - first < _FOR or step > _MOST:
+            return 0.0
+        self.steps, self.last = self.steps + 1, step
+        self._by[_ODOMETRY] += step
+        self._open = [0.0 if kind == _ODOMETRY else step for kind in range(4)]
+        self._again.clear()
+        return step
+
+    def _runs_again(self, reading: Reading, interval: float) -> bool:
+        """Whether odometry was there before, and this is neither a repeat nor one that overtook."""
+        ran = self._ran
+        if type(ran[-1]) is not type(reading) or reading.time < ran[0].time:
+            return False
+        after = bisect_right(ran, reading.time, key=lambda one: one.time)
+        before = ran[after - 1]
+        return before != reading and ran[after].time - before.time <= _GAP * interval
+
+    def findings(self) -> tuple[Finding, ...]:
+        """That the clock was set back, if it was."""
+        return (set_back_finding(self.last, self.steps),) if self.steps else ()
+
+    def kept(self) -> list[Any]:
+        """What it knows of the clocks, as numbers."""
+        return [self.steps, self.last, list(self._by), list(self._open), list(self._usual)]
+
+    def restore(self, kept: list[Any]) -> None:
+        """Remember that and nothing else."""
+        self.steps, self.last = kept[:2]
+        self._by, self._open, self._usual = (list(numbers) for numbers in kept[2:])
+        self._ran.clear()
+        self._again.clear()
