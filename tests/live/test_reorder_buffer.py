@@ -1,5 +1,6 @@
 """Observations by their own times: late ones change nothing, much too late ones are refused."""
 
+import math
 import time
 
 import numpy as np
@@ -81,7 +82,7 @@ def test_what_there_is_to_go_back_to_does_not_grow(town, ride, observations):
 def test_a_state_is_all_that_a_localizer_remembers(town, ride, observations):
     """A new attribute of the localizer must be kept too, or be named here as one that stays."""
     kept = {"_filter", "_odometer", "_rate", "_began", "_reading", "_far_fix", "_interval"}
-    kept |= {"_past", "_statistics", "_gyro", "_sensing", "_clocks"}
+    kept |= {"_past", "_statistics", "_gyro", "_sensing", "_clocks", "_before_wake"}
     stays = {"roads", "vehicle", "settings", "skipped", "_start", "lag", "_map", "_answers"}
     stays |= {"_lock"}
     views, forgotten = (
@@ -141,6 +142,30 @@ def test_who_slept_is_where_it_would_be_and_less_sure(town, ride, observations, 
     truth = answer(town, ride, observations[: observations.index(later[299]) + 1]).estimate()
     apart = np.array([last.pose.x - truth.pose.x, last.pose.y - truth.pose.y])
     assert apart @ np.linalg.solve(last.cov[:2, :2] + truth.cov[:2, :2], apart) < 13.8
+
+
+@pytest.mark.parametrize("age", [0.5, 5.0, 20.0])
+def test_what_comes_after_who_slept_was_asked_is_taken_as_without_it(town, ride, observations, age):
+    """Counters go on over a pause, and what measured 0 m since is no odometry."""
+    plain, woken = (answer(town, ride, observations[:500]) for _ in range(2))
+    begin = woken.estimate().time + age
+    for share in (0.3, 0.7, 1.0):
+        woken.wake(begin - (1.0 - share) * age)
+    kept = woken.to_bytes()
+    again = Localizer.from_bytes(kept, town)
+    for observation in [o for o in observations if o.time > begin][:300]:
+        expected = plain.update(observation)
+        assert same(woken.update(observation), expected)
+        assert same(again.update(observation), expected)
+
+
+def test_the_first_observation_after_a_crash_is_taken_as_after_a_silence(town, ride, observations):
+    plain = answer(town, ride, observations[:500])
+    filter_loop = FilterLoop(answer(town, ride, observations[:500]))
+    filter_loop.resume(plain.estimate().time, 5.0, -math.inf)
+    for observation in observations[600:900]:
+        filter_loop.observe([observation])
+        assert same(filter_loop.estimate(), plain.update(observation))
 
 
 def test_a_fix_older_than_the_first_wheels_is_taken(town, ride, observations):

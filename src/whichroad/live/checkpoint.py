@@ -90,8 +90,7 @@ class Checkpoint:
 
         Returns:
             The event time that the filter is at (None: it starts anew), and why, in words.
-            It is left there, not woken: how long the pause was is known with the first
-            observation.
+            It is left there: the first observation ends the pause.
         """
         try:
             about, data = read_checkpoint(self._path)

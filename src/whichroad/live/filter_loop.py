@@ -225,7 +225,7 @@ class FilterLoop:
             age: s since that state was stored.
             published: Time of the newest estimate published until then, s.
         """
-        self.buffer.begin(when, asleep=True)
+        self.buffer.begin(when)
         self._last_arrival = self._clock() - age
         self.until = published + min(age, _LOST)
 

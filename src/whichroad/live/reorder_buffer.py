@@ -4,9 +4,6 @@ An observation in order is processed at once.  For a late one within the window,
 localizer returns to a stored state before it and processes all later observations again.
 So no observation waits, and the result is that of the sorted observations.  Observations
 with equal times are processed in the order of arrival.
-
-After a pause of which nothing is known, the localizer is woken at the first observation's own
-time, and again at an earlier one that comes late.  No clock but that of the sensors enters.
 """
 
 from bisect import bisect_right
@@ -44,8 +41,7 @@ class ReorderBuffer:
         self.now = -float("inf")  # time of the newest observation
         self._floor = -float("inf")  # time of the oldest stored state
         self._taken: deque[Observation] = deque()
-        self._states: deque[tuple[State, bool]] = deque()  # and whether it was asleep then
-        self._asleep = False  # since before the next observation
+        self._states: deque[State] = deque()
 
     def take(self, observation: Observation) -> bool:
         """Process an observation; False: it was not used.
@@ -58,29 +54,24 @@ class ReorderBuffer:
             return self._take_late(observation)
         if self.window:
             states = self._states
-            if not states or time - states[-1][0].time >= _EVERY:
+            if not states or time - states[-1].time >= _EVERY:
                 self._keep(time)
             self._taken.append(observation)
         self.now = time
         return self._pass(observation)
 
-    def begin(self, time: float, *, asleep: bool = False) -> None:
+    def begin(self, time: float) -> None:
         """Start again at a time to which the localizer was set from outside.
 
         Args:
             time: s.
-            asleep: Whether nothing is known between that time and the next observation.
         """
         self._taken.clear()
         self._states.clear()
         self.now = self._floor = time
-        self._asleep = asleep
 
     def _pass(self, observation: Observation) -> bool:
-        """Pass an observation to the localizer, which is woken first where it was asleep."""
-        if self._asleep:
-            self._asleep = False
-            self.localizer.wake(observation.time)
+        """Pass an observation to the localizer."""
         if not isinstance(observation, SensorReading):
             return self.localizer.take(observation)
         try:
@@ -96,22 +87,22 @@ class ReorderBuffer:
         states, taken = self._states, self._taken
         state = self.localizer.state()
         when = time if states else self._floor
-        states.append((replace(state, time=when), self._asleep))
-        while len(states) > 1 and states[1][0].time <= time - self.window:
+        states.append(replace(state, time=when))
+        while len(states) > 1 and states[1].time <= time - self.window:
             states.popleft()
-        while taken and taken[0].time < states[0][0].time:
+        while taken and taken[0].time < states[0].time:
             taken.popleft()
 
     def _take_late(self, observation: Observation) -> bool:
         """Return to a state before the observation and process it and all later ones."""
         states = self._states
-        if not states or observation.time < max(states[0][0].time, self.now - self.window):
+        if not states or observation.time < max(states[0].time, self.now - self.window):
             self.skipped["late"] += 1
             return False
         self.rewinds += 1
-        while len(states) > 1 and states[-1][0].time > observation.time:
+        while len(states) > 1 and states[-1].time > observation.time:
             states.pop()
-        state, self._asleep = states[-1]
+        state = states[-1]
         times = [one.time for one in self._taken]
         place = bisect_right(times, observation.time)
         self._taken.insert(place, observation)
@@ -121,9 +112,8 @@ class ReorderBuffer:
         self.localizer.restore(state)
         mine = True
         for one in again:
-            if one.time - states[-1][0].time >= _EVERY:
-                kept = self.localizer.state()
-                states.append((replace(kept, time=one.time), self._asleep))
+            if one.time - states[-1].time >= _EVERY:
+                states.append(replace(self.localizer.state(), time=one.time))
             taken = self._pass(one)
             mine = taken if one is observation else mine
         return mine

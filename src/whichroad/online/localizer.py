@@ -124,6 +124,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._late = LateReadings()
         self._streams = Streams()  # what of each was refused
         self._clocks = Clocks()  # and which were set back
+        self._before_wake: State | None = None
         self._map = ""  # fingerprint of the map, once it was asked for
 
     def update(self, observation: Observation) -> Estimate:
@@ -169,6 +170,8 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
     def _take(self, observation: Observation) -> bool:
         if (possible := validated(observation, self.skipped)) is None:
             return False
+        if self._before_wake is not None:
+            self.restore(self._before_wake)
         possible = self._clocks.at_filter_time(possible, self._filter.time)
         if isinstance(possible, YawRate):
             rate = true_rate(possible.yaw_rate, self.vehicle)
@@ -387,12 +390,3 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         localizer.restore(state)
         localizer.skipped = dict(state.skipped)
         return localizer
-
-    def _blank(self) -> State:
-        """The state before anything was observed."""
-        begun = Localizer(
-            self.roads, vehicle=self.vehicle, settings=self.settings, lag=self.lag,
-            sensors=self.sensors,
-        )  # fmt: skip
-        begun._map = self._fingerprint()
-        return begun.state()

@@ -8,7 +8,7 @@ from ..diagnosis.sensors import late_finding, refused_finding
 from ..observations import GeoFix, Observation, SensorReading, StartPose
 from ..sensors.validation import check_time
 from .epoch_filter import EpochFilter
-from .localizer_state import Reading, State
+from .localizer_state import State
 from .set_back import Clocks
 
 _FEWEST, _FOR = 3, 2.0  # readings in a row, and s of theirs, that are refused as late
@@ -131,16 +131,15 @@ class Pauses:
     _lock: RLock
     _filter: EpochFilter
     _rate: tuple[float, float]
-    _reading: Reading | None
-    _odometer: tuple[float, float, float] | None
-    _began: float | None
     _start: StartPose | None
+    _before_wake: State | None
     _late: LateReadings
     _streams: Streams
     _clocks: Clocks
     _run: Callable[[], None]
     restore: Callable[[State], None]
     _blank: Callable[[], State]
+    state: Callable[[], State]
 
     def _in_order(self, observation: Observation) -> bool:
         """Whether a reading is taken by its time; begins anew where others can be none."""
@@ -177,11 +176,11 @@ class Pauses:
         self.skipped[why] = self.skipped.get(why, 0) + 1
 
     def wake(self, time: float) -> None:
-        """Go on after a pause of which nothing is known, less sure by what it may have brought.
+        """Say where the vehicle may be after a pause of which nothing is known.
 
         The vehicle goes on at the speed that was, through the roads that may follow; its place
-        along the heading becomes uncertain by a share of that way.  Odometer readings before
-        are forgotten: the next one is the first.
+        along the heading becomes uncertain by a share of that way.  The next observation tells
+        more of the pause: it is taken as if nothing had been asked, and `state` is that before.
 
         Args:
             time: When it wakes up, s.
@@ -191,8 +190,10 @@ class Pauses:
         """
         check_time(time, "wake")
         with self._lock:
-            now = self._filter
-            time += self._clocks.behind
+            now, time = self._filter, time + self._clocks.behind
+            before = self.state()
+            if self._before_wake is not None and time > now.time:
+                self.restore(before)
             age = time - now.time
             if age <= 0.0 or not now.started:
                 return
@@ -200,6 +201,6 @@ class Pauses:
             now.fill(time, speed * age, turn * min(age, _TURNING), 0)
             self._run()
             now.widen_along((_OF_SPEED * abs(speed) + _LEAST_SPEED) * age)
-            self._reading, self._odometer, self._began = None, None, None
             now.fill(time, 0.0, 0.0, 0)
             self._run()
+            self._before_wake = before

@@ -40,6 +40,7 @@ class Remembers:
     _late: LateReadings
     _streams: Streams
     _clocks: Clocks
+    _before_wake: State | None
     _map: str
 
     def __getstate__(self) -> dict[str, Any]:
@@ -60,6 +61,8 @@ class Remembers:
     def state(self) -> State:
         """A copy of all that this localizer remembers, to go back to by `restore`."""
         with self._lock:
+            if self._before_wake is not None:
+                return self._before_wake
             now = self._filter
             odometry = Odometry(
                 self._odometer, self._rate, self._interval, self._began, self._reading,
@@ -87,7 +90,7 @@ class Remembers:
         """
         with self._lock:
             state.made.check(self._fingerprint(), self.lag)
-            now, known = self._filter, state.odometry
+            now, known, self._before_wake = self._filter, state.odometry, None
             now.set_tables(state.tables)
             now.set_mode(known.mode)
             self._gyro.restore(known.gyro)
@@ -103,6 +106,15 @@ class Remembers:
             self._statistics.forget_after(state.watched)
             self._late.took()
             self._streams = Streams()
+
+    def _blank(self) -> State:
+        """The state before anything was observed."""
+        begun = type(self)(  # type: ignore[call-arg]
+            self.roads, vehicle=self.vehicle, settings=self.settings, lag=self.lag,
+            sensors=self._sensing.sensed.sensors,
+        )  # fmt: skip
+        begun._map = self._fingerprint()
+        return begun.state()
 
     def _fingerprint(self) -> str:
         self._map = self._map or fingerprint(self.roads)
