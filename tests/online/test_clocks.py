@@ -254,3 +254,36 @@ def test_batches_that_come_twice_or_too_late_set_no_clock_back(wrong: str):
     assert "clock: set back" not in [found.what for found in online.diagnosis]
     assert online.estimate().time == readings[-1].time
     assert online.skipped["late"] > 18
+
+
+@pytest.mark.parametrize("rate", ["ticks", "speeds"])
+@pytest.mark.parametrize("by", [1.03, 2.03])
+def test_a_clock_of_odometry_alone_that_steps_ahead_refuses_no_fix_for_long(by: float, rate: str):
+    online, said = stepped(by, (WheelTicks, SpeedYaw), rate)
+    sound = stepped(0.0, (), rate)[1]
+    assert online.skipped.get("late", 0) <= 2
+    [found] = [found for found in online.diagnosis if found.what == "gnss: clock"]
+    assert found.statistic == pytest.approx(by, abs=0.05)
+    assert "correct the clock" in found.advice
+    for (time, _, here), (_, _, there) in zip(said[-20:], sound[-20:], strict=True):
+        assert here.time == pytest.approx(time, abs=0.05)
+        assert abs(here.pose.x - there.pose.x) < here.protection_level
+        assert abs(here.pose.x - there.pose.x) < (0.5 if rate == "ticks" else 4.0)
+
+
+@pytest.mark.parametrize("every", [2, 10])
+@pytest.mark.parametrize("heard", [True, False])
+def test_wheels_that_are_silent_for_two_seconds_step_no_clock_ahead(heard: bool, every: int):
+    """Whether fixes come meanwhile, or all of them come behind the first wheels in one burst."""
+    online, held = Localizer(TOWN, vehicle=CAR), []
+    for k, reading in enumerate(ticks(wheels(STRAIGHT))[:400]):
+        if not 200 < k < 220:
+            online.update(reading)
+        if k % every == every // 2:
+            held.append(town_fix(STRAIGHT.x[k], -1.75, STRAIGHT.time[k], bearing_deg=90.0))
+        if heard or not 200 < k < 221:
+            for fix in held:
+                online.update(fix)
+            held = []
+    assert not [found for found in online.diagnosis if found.what.startswith(("gnss", "clock"))]
+    assert online.estimate().time == reading.time

@@ -138,6 +138,16 @@ def late_finding(kind: str, share: float, most: float) -> Finding:
     )  # fmt: skip
 
 
+def set_ahead_finding(step: float) -> Finding:
+    """The clock of odometry alone stepped ahead on line, so far in all, s."""
+    return Finding(
+        "gnss: clock", "warning", step, -_BEHIND, _BEHIND,
+        f"fixes are {step:.2f} s behind the odometry since its clock stepped ahead, and are taken "
+        f"as so much later; correct the clock that is wrong: add {step:.2f} s to the times of "
+        f"these, or {-step:.2f} s to those of the odometry",
+    )  # fmt: skip
+
+
 def set_back_finding(step: float, count: int) -> Finding:
     """The clock of the sensors was set back on line, by a step at last (s), so often."""
     return Finding(

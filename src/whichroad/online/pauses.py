@@ -159,6 +159,9 @@ class Pauses:
         self._late.took()
         self._streams.of(observation).took()
         self._clocks.took(observation, late)
+        if self._clocks.unsure:
+            now.widen_along(self._clocks.unsure)
+            self._clocks.unsure = 0.0
         return True
 
     def _refuse(self, why: str, stream: Stream, late: float) -> bool:

@@ -1,5 +1,6 @@
-"""Clocks of all sensors that step back by some seconds, as NTP does: the filter's goes on."""
+"""Clocks that step by some seconds, as NTP does: the filter's own goes on."""
 
+import math
 from bisect import bisect_right
 from collections import deque
 from dataclasses import replace
@@ -8,8 +9,8 @@ from statistics import median
 from typing import Any
 
 from ..diagnosis.finding import Finding
-from ..diagnosis.sensors import set_back_finding
-from ..observations import GeoFix, Observation, SensorReading, YawRate
+from ..diagnosis.sensors import set_ahead_finding, set_back_finding
+from ..observations import GeoFix, Observation, SensorReading, SpeedYaw, WheelSpeed, YawRate
 from .localizer_state import Reading
 
 _FEWEST, _FOR = 3, 0.25  # readings and s of them through times that were gone through before
@@ -17,6 +18,8 @@ _MOST = 10.0  # s; after a larger step the filter begins anew
 _KEPT, _USUAL = 1024, 32  # readings that are remembered; those that tell the usual interval
 _GAP = 1.5  # usual intervals between two readings, from which on one is missing there
 _NEWS = 0.1  # share of a new latency in the usual one
+_LEAST, _UNSURE, _AGREE = 0.5, 0.4, 2  # s of a step ahead, its share in which fixes agree, these
+_NAMED = 5.0  # s after a step ahead, to be named
 _ODOMETRY, _FIXES, _FURTHER, _GYRO = range(4)
 
 
@@ -28,21 +31,38 @@ def _kind(observation: Observation) -> int:
     return _FURTHER if isinstance(observation, SensorReading) else _ODOMETRY
 
 
+def _speed(reading: Reading) -> float:
+    """Of a reading that is a speed, m/s; 0: it counts."""
+    if isinstance(reading, SpeedYaw):
+        return reading.speed
+    return 0.5 * (reading.left + reading.right) if isinstance(reading, WheelSpeed) else 0.0
+
+
 class Clocks:
     """How far the clock of each kind of sensor is behind the filter's, which never goes back.
 
     Odometry that goes on through times which it had before tells a step.  The first reading of
-    another kind tells whether its clock made the same one.
+    another kind tells whether its clock made the same one.  Where odometry alone steps ahead,
+    nothing is heard for as long as fixes come late from then on: their clock is behind.
 
     Attributes:
         steps: How often the clock was set back.
         last: By how much at last, s.
+        ahead: By how much odometry's clock alone stepped ahead in all, s.
+        unsure: Way of a step ahead that speeds told and nobody drove, m, until it is set to 0.
     """
 
-    __slots__ = ("_again", "_by", "_open", "_ran", "_usual", "last", "steps")
+    __slots__ = (
+        "_again", "_agree", "_by", "_gap", "_judged", "_open", "_ran", "_since", "_usual", "_way",
+        "ahead", "last", "steps", "unsure",
+    )  # fmt: skip
 
     def __init__(self) -> None:
-        self.steps, self.last = 0, 0.0
+        self.steps, self.last, self.ahead = 0, 0.0, 0.0
+        self._since = 0.0  # when it stepped ahead, by the filter's clock, s
+        self._gap, self._agree = 0.0, 0  # s that odometry may have stepped ahead; fixes that agree
+        self._way = self.unsure = 0.0
+        self._judged = 0.0  # when a fix agreed at last, by the filter's clock, s
         self._by = [0.0] * 4  # s by kind
         self._open = [0.0] * 4  # s of a step that a kind may have made too
         self._usual = [0.0] * 4  # s that a kind usually comes later than the newest reading
@@ -69,6 +89,7 @@ class Clocks:
         kind = _kind(observation)
         self._usual[kind] += _NEWS * (late - self._usual[kind])
         if kind == _ODOMETRY:
+            self._watch_gap(observation, late)
             self._ran.append(observation)  # type: ignore[arg-type]
             self._again.clear()
 
@@ -80,7 +101,9 @@ class Clocks:
             now: The filter's time, s.
         """
         kind = _kind(observation)
-        if self.steps:
+        if self._gap and kind == _FIXES:
+            self._judge_gap(now, now - observation.time - self._by[kind] - self._usual[kind])
+        if self.steps or self.ahead:
             step = self._open[kind]
             if step:
                 self._open[kind] = 0.0
@@ -96,8 +119,7 @@ class Clocks:
 
     def _step(self, reading: Reading) -> float:
         """By how much odometry's clock was set back, s; 0: it was not, or it is not known yet."""
-        times = [one.time for one in islice(reversed(self._ran), _USUAL)]
-        interval = median(a - b for a, b in pairwise(times)) if len(times) > _FEWEST else 0.0
+        interval = self._interval()
         if not self._runs_again(reading, interval):
             return 0.0
         if self._again and reading.time <= self._again[-1]:
@@ -112,6 +134,38 @@ class Clocks:
         self._again.clear()
         return step
 
+    def _interval(self) -> float:
+        """Usually between readings of odometry, s; 0: not known yet."""
+        times = [one.time for one in islice(reversed(self._ran), _USUAL)]
+        return median(a - b for a, b in pairwise(times)) if len(times) > _FEWEST else 0.0
+
+    def _watch_gap(self, reading: Any, late: float) -> None:
+        """Note odometry after a time in which nothing was heard: its clock may have stepped."""
+        time = reading.time
+        gap = time - self._ran[-1].time if self._ran else 0.0
+        if gap < _LEAST:
+            return
+        interval = self._interval()
+        step = gap - interval
+        heard = gap + late  # s after the odometry before
+        known = interval > 0.0 and _LEAST <= step <= _MOST and heard <= interval
+        self._gap, self._agree, self._since = step if known else 0.0, 0, time
+        self._way, self._judged = abs(_speed(reading)) * step, -math.inf
+
+    def _judge_gap(self, now: float, late: float) -> None:
+        """A fix came at a time (s): as much later than usual as after a step, or it was none."""
+        if abs(late - self._gap) > _UNSURE * self._gap:
+            self._gap = 0.0
+            return
+        if now - self._judged < _FOR:  # of one burst
+            return
+        self._agree, self._judged = self._agree + 1, now
+        if self._agree >= _AGREE:
+            self.ahead += self._gap
+            self._by[_FIXES] += self._gap
+            self._open[_FURTHER] = self._open[_GYRO] = self._gap
+            self._gap, self.unsure = 0.0, self._way
+
     def _runs_again(self, reading: Reading, interval: float) -> bool:
         """Whether odometry was there before, and this is neither a repeat nor one that overtook."""
         ran = self._ran
@@ -121,17 +175,22 @@ class Clocks:
         before = ran[after - 1]
         return before != reading and ran[after].time - before.time <= _GAP * interval
 
-    def findings(self) -> tuple[Finding, ...]:
-        """That the clock was set back, if it was."""
-        return (set_back_finding(self.last, self.steps),) if self.steps else ()
+    def findings(self, now: float) -> tuple[Finding, ...]:
+        """That a clock stepped, if one did; now: the filter's time, s."""
+        found = (set_back_finding(self.last, self.steps),) if self.steps else ()
+        if self.ahead and now - self._since >= _NAMED:
+            return (*found, set_ahead_finding(self.ahead))
+        return found
 
     def kept(self) -> list[Any]:
         """What it knows of the clocks, as numbers."""
-        return [self.steps, self.last, list(self._by), list(self._open), list(self._usual)]
+        numbers = [self.steps, self.last, self.ahead, self._since]
+        return [*numbers, list(self._by), list(self._open), list(self._usual)]
 
     def restore(self, kept: list[Any]) -> None:
         """Remember that and nothing else."""
-        self.steps, self.last = kept[:2]
-        self._by, self._open, self._usual = (list(numbers) for numbers in kept[2:])
+        self.steps, self.last, self.ahead, self._since = kept[:4]
+        self._by, self._open, self._usual = (list(numbers) for numbers in kept[4:])
+        self._gap = self.unsure = 0.0
         self._ran.clear()
         self._again.clear()

@@ -83,7 +83,7 @@ class Watched:
             elsewhere = () if outside is None else (outside_finding(outside),)
             if outside is not None and outside.swapped:
                 return elsewhere
-            streams = (*self._clocks.findings(), *self._streams.findings())
+            streams = (*self._clocks.findings(self._filter.time), *self._streams.findings())
             further = (*elsewhere, *streams, *further_findings(names, state.sensors))
             if isinstance(self._reading, WheelTicks) and self._gyro.by == BY_WHEELS:
                 further += tick_findings(turn_of_ticks(self._statistics.vehicle))
