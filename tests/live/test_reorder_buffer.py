@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,6 +125,14 @@ def test_a_state_of_another_map_is_left_alone(town, ride, observations, tmp_path
     when, why = Checkpoint(tmp_path / "state", other).resume(replay=True)
     assert when is None
     assert "another map" in why
+
+
+def test_a_state_of_another_vehicle_is_left_alone(town, ride, observations, tmp_path):
+    Checkpoint(tmp_path / "state", answer(town, ride, observations[:100])).taken()()
+    other = Localizer(town, vehicle=replace(ride.vehicle, track_width=2.0))
+    when, why = Checkpoint(tmp_path / "state", other).resume(replay=True)
+    assert when is None
+    assert "another vehicle" in why
 
 
 @pytest.mark.parametrize("age", [0.5, 5.0, 20.0])

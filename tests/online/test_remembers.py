@@ -4,6 +4,7 @@ import copy
 import math
 import pickle
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from whichroad.observations import (
     WheelTicks,
 )
 from whichroad.online import Estimate, Localizer, State, localizer, localizer_state
+from whichroad.sensors import Compass, Height, Sensor
 from whichroad.settings import Settings
 
 
@@ -145,6 +147,31 @@ def test_a_state_kept_with_another_lag_is_refused():
     assert isinstance(state, State)
     with pytest.raises(SettingError, match="stored with lag=None"):
         Localizer(TOWN, vehicle=CAR, lag=5.0).restore(state)
+
+
+def test_a_state_of_another_vehicle_is_refused():
+    online, other = driven_to(20), replace(CAR, metres_per_tick_left=0.005)
+    one = Localizer(TOWN, vehicle=other)
+    before = one.to_bytes()
+    with pytest.raises(SettingError, match=r"metres_per_tick_left=0\.01; 0\.005 was"):
+        one.restore(online.state())
+    assert one.to_bytes() == before
+    assert Localizer.from_bytes(online.to_bytes(), TOWN, vehicle=other).vehicle == other
+
+
+@pytest.mark.parametrize(
+    ("sensors", "here"), [([], "none"), ([Height()], "height"), ([Height(), Compass()], "height, ")]
+)
+def test_a_state_of_other_sensors_is_refused(sensors: list[Sensor], here: str):
+    online = Localizer(TOWN, vehicle=CAR, sensors=[Compass()])
+    for one in seen(0, 50):
+        online.update(one)
+    with pytest.raises(SettingError, match=f"the further sensors compass; {here}"):
+        Localizer.from_bytes(online.to_bytes(), TOWN, sensors=sensors)
+    with pytest.raises(SettingError, match="the further sensors none; compass was expected"):
+        Localizer.from_bytes(driven_to(20).to_bytes(), TOWN, sensors=[Compass()])
+    again = Localizer.from_bytes(online.to_bytes(), TOWN, sensors=[Compass()])
+    assert again.to_bytes() == online.to_bytes()
 
 
 @pytest.mark.parametrize(

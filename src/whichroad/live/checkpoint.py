@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import MapError, ReadError, WriteError
+from ..errors import MapError, ReadError, SettingError, WriteError
 from ..online import Localizer, State
 from ..writers import check_place
 from .decode import CanStream
@@ -110,6 +110,8 @@ class Checkpoint:
             self._localizer.restore(state)
         except MapError:
             return None, "the earlier state is of another map; starting anew"
+        except SettingError:
+            return None, "the earlier state is of another vehicle or other sensors; starting anew"
         self.counted, self.age = about["counted"], age
         known = about.get("published")
         self.published = -math.inf if known is None else known

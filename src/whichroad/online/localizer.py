@@ -372,14 +372,15 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         Args:
             data: What `to_bytes` gave.
             roads: The same map, or its path.
-            vehicle: None: the car that it had.
+            vehicle: None: the car that it had; else what holds from now on.
             settings: None: those that it had.
             places: As the constructor takes them.
-            sensors: Likewise.
+            sensors: Those that it had, in their order.
 
         Raises:
             ReadError: The bytes are damaged, of another version, or no bytes.
             MapError: They are of another map.
+            SettingError: The sensors are others than it had.
         """
         state = State.from_bytes(data)
         made = state.made
@@ -387,6 +388,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             roads, vehicle=vehicle or made.vehicle, settings=settings or made.settings,
             start=made.start, lag=made.lag, places=places, sensors=sensors,
         )  # fmt: skip
-        localizer.restore(state)
+        known = replace(state, made=made._replace(vehicle=localizer.vehicle))
+        localizer.restore(known)
         localizer.skipped = dict(state.skipped)
         return localizer

@@ -30,22 +30,40 @@ class Made(NamedTuple):
     vehicle: Vehicle
     settings: Settings
     start: StartPose | None
+    sensors: tuple[str, ...] = ()  # names of further ones
 
-    def check(self, map: str, lag: float | None) -> None:
-        """See that a localizer with this map and lag can take what this one knew.
+    def check(self, other: "Made") -> None:
+        """See that a localizer that was made so can take what this one knew.
 
         Raises:
             MapError: It was made with another map.
-            SettingError: It was made with another lag.
+            SettingError: It was made with another lag or vehicle, or with other sensors.
         """
-        if self.map != map:
+        if self.map != other.map:
             raise MapError(
-                f"localizer's state: it belongs to the map {self.map}; one of {map} was expected, "
-                "because edges are known by their numbers; begin with a new Localizer"
+                f"localizer's state: it belongs to the map {self.map}; one of {other.map} was "
+                "expected, because edges are known by their numbers; begin with a new Localizer"
             )
-        if self.lag != lag:
+        if self.lag != other.lag:
             raise SettingError(
-                f"localizer's state: it was stored with lag={self.lag}; {lag} was expected"
+                f"localizer's state: it was stored with lag={self.lag}; {other.lag} was expected"
+            )
+        if self.sensors != other.sensors:
+            stored, here = (", ".join(one.sensors) or "none" for one in (self, other))
+            raise SettingError(
+                f"localizer's state: it was stored with the further sensors {stored}; {here} was "
+                "expected, as this localizer has; give sensors= the same ones, in their order"
+            )
+        wrong = [
+            field.name for field in fields(Vehicle)
+            if getattr(self.vehicle, field.name) != getattr(other.vehicle, field.name)
+        ]  # fmt: skip
+        if wrong:
+            stored, here = (getattr(one.vehicle, wrong[0]) for one in (self, other))
+            raise SettingError(
+                f"localizer's state: it is of another vehicle, with {wrong[0]}={stored}; {here} "
+                "was expected, as this localizer has; make it with the same vehicle, or tell "
+                "Localizer.from_bytes(..., vehicle=...) that the numbers have changed"
             )
 
 
@@ -164,6 +182,7 @@ def _made(kept: dict[str, Any]) -> Made:
             "vehicle": Vehicle(**kept["vehicle"]),
             "settings": Settings(**kept["settings"]),
             "start": None if start is None else StartPose(**start),
+            "sensors": tuple(kept["sensors"]),
         }
     )
 

@@ -69,9 +69,8 @@ class Remembers:
                 self._far_fix, now.mode, self._gyro.kept(), self._sensing.kept(),
                 self._clocks.kept(),
             )  # fmt: skip
-            made = Made(self._fingerprint(), self.lag, self.vehicle, self.settings, self._start)
             return State(
-                now.time, now.count, now.tables(), odometry, made, dict(self.skipped),
+                now.time, now.count, now.tables(), odometry, self._made(), dict(self.skipped),
                 self._statistics.waiting, now.path,
             )  # fmt: skip
 
@@ -82,14 +81,14 @@ class Remembers:
         moment for the diagnosis is forgotten as far as it was not summed up.
 
         Args:
-            state: Of this localizer, or of one with the same map and lag.
+            state: Of this localizer, or of one with the same map, lag, vehicle and sensors.
 
         Raises:
             MapError: It is of another map.
-            SettingError: It was kept with another lag.
+            SettingError: It was kept with another lag or vehicle, or with other sensors.
         """
         with self._lock:
-            state.made.check(self._fingerprint(), self.lag)
+            state.made.check(self._made())
             now, known, self._before_wake = self._filter, state.odometry, None
             now.set_tables(state.tables)
             now.set_mode(known.mode)
@@ -115,6 +114,12 @@ class Remembers:
         )  # fmt: skip
         begun._map = self._fingerprint()
         return begun.state()
+
+    def _made(self) -> Made:
+        return Made(
+            self._fingerprint(), self.lag, self.vehicle, self.settings, self._start,
+            self._sensing.sensed.names,
+        )  # fmt: skip
 
     def _fingerprint(self) -> str:
         self._map = self._map or fingerprint(self.roads)
