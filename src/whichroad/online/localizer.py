@@ -172,7 +172,9 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             return False
         if self._before_wake is not None:
             self.restore(self._before_wake)
-        possible = self._clocks.at_filter_time(possible, self._filter.time)
+        last = self._reading
+        if self._clocks.stirred or (last is not None and possible.time < last.time):
+            possible = self._clocks.at_filter_time(possible, self._filter.time)
         if isinstance(possible, YawRate):
             rate = true_rate(possible.yaw_rate, self.vehicle)
             return self._take_yaw_rate(replace(possible, yaw_rate=rate))

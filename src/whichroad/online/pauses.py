@@ -156,12 +156,17 @@ class Pauses:
                 self._streams.odometry.ahead = self._streams.further.ahead = True
             else:
                 return self._refuse("late", stream, late)
+            stream = self._streams.of(observation)  # new ones
         self._late.took()
-        self._streams.of(observation).took()
-        self._clocks.took(observation, late)
-        if self._clocks.unsure:
-            now.widen_along(self._clocks.unsure)
-            self._clocks.unsure = 0.0
+        stream.took()
+        clocks = self._clocks
+        if stream is self._streams.odometry:
+            clocks.moved(observation, late)  # type: ignore[arg-type]
+            return True
+        clocks.took(observation, late)
+        if clocks.unsure:
+            now.widen_along(clocks.unsure)
+            clocks.unsure = 0.0
         return True
 
     def _refuse(self, why: str, stream: Stream, late: float) -> bool:

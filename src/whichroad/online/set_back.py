@@ -49,12 +49,13 @@ class Clocks:
         steps: How often the clock was set back.
         last: By how much at last, s.
         ahead: By how much odometry's clock alone stepped ahead in all, s.
+        stirred: Whether a clock stepped, or may have done so.
         unsure: Way of a step ahead that speeds told and nobody drove, m, until it is set to 0.
     """
 
     __slots__ = (
         "_again", "_agree", "_by", "_gap", "_judged", "_open", "_ran", "_since", "_usual", "_way",
-        "ahead", "last", "steps", "unsure",
+        "ahead", "last", "steps", "stirred", "unsure",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -62,6 +63,7 @@ class Clocks:
         self._since = 0.0  # when it stepped ahead, by the filter's clock, s
         self._gap, self._agree = 0.0, 0  # s that odometry may have stepped ahead; fixes that agree
         self._way = self.unsure = 0.0
+        self.stirred = False
         self._judged = 0.0  # when a fix agreed at last, by the filter's clock, s
         self._by = [0.0] * 4  # s by kind
         self._open = [0.0] * 4  # s of a step that a kind may have made too
@@ -88,9 +90,14 @@ class Clocks:
         """
         kind = _kind(observation)
         self._usual[kind] += _NEWS * (late - self._usual[kind])
-        if kind == _ODOMETRY:
-            self._watch_gap(observation, late)
-            self._ran.append(observation)  # type: ignore[arg-type]
+
+    def moved(self, reading: Reading, late: float) -> None:
+        """The same of odometry."""
+        ran = self._ran
+        if ran and reading.time - ran[-1].time >= _LEAST:
+            self._watch_gap(reading, late)
+        ran.append(reading)
+        if self._again:
             self._again.clear()
 
     def at_filter_time(self, observation: Any, now: float) -> Any:
@@ -128,7 +135,7 @@ class Clocks:
         first, step = self._again[0], self._ran[-1].time + interval - self._again[0]
         if len(self._again) < _FEWEST or reading.time - first < _FOR or step > _MOST:
             return 0.0
-        self.steps, self.last = self.steps + 1, step
+        self.steps, self.last, self.stirred = self.steps + 1, step, True
         self._by[_ODOMETRY] += step
         self._open = [0.0 if kind == _ODOMETRY else step for kind in range(4)]
         self._again.clear()
@@ -141,21 +148,20 @@ class Clocks:
 
     def _watch_gap(self, reading: Any, late: float) -> None:
         """Note odometry after a time in which nothing was heard: its clock may have stepped."""
-        time = reading.time
-        gap = time - self._ran[-1].time if self._ran else 0.0
-        if gap < _LEAST:
-            return
-        interval = self._interval()
+        time, interval = reading.time, self._interval()
+        gap = time - self._ran[-1].time
         step = gap - interval
         heard = gap + late  # s after the odometry before
         known = interval > 0.0 and _LEAST <= step <= _MOST and heard <= interval
         self._gap, self._agree, self._since = step if known else 0.0, 0, time
         self._way, self._judged = abs(_speed(reading)) * step, -math.inf
+        self.stirred = self.stirred or known
 
     def _judge_gap(self, now: float, late: float) -> None:
         """A fix came at a time (s): as much later than usual as after a step, or it was none."""
         if abs(late - self._gap) > _UNSURE * self._gap:
             self._gap = 0.0
+            self.stirred = bool(self.steps or self.ahead)
             return
         if now - self._judged < _FOR:  # of one burst
             return
@@ -192,5 +198,6 @@ class Clocks:
         self.steps, self.last, self.ahead, self._since = kept[:4]
         self._by, self._open, self._usual = (list(numbers) for numbers in kept[4:])
         self._gap = self.unsure = 0.0
+        self.stirred = bool(self.steps or self.ahead)
         self._ran.clear()
         self._again.clear()
