@@ -6,7 +6,7 @@ import pytest
 import whichroad
 from laws.public import CAR, geo_fixes, metres, road_map
 from scenes import drive_along
-from scenes.drives import brake
+from scenes.drives import Truth, brake, gnss
 from whichroad.epochs import build_timeline
 from whichroad.filter.state import WHEELS
 from whichroad.filter.vetting.windows import BY_GYRO, UNTURNED
@@ -87,3 +87,57 @@ def test_an_odometer_with_a_gyro_moves_as_wheels_do_where_both_are_known():
     np.testing.assert_allclose(timeline.epochs.turn, [0.0, 0.3, 0.2, 0.0])
     _, near = turns_at(np.array([2.8, 3.0]), gyro)
     assert near.tolist() == [True, False]
+
+
+STAIRS = [[0.0, 0.0]]
+for k in range(14):
+    STAIRS.append([STAIRS[-1][0] + 250.0 * (k % 2 == 0), STAIRS[-1][1] + 180.0 * (k % 2)])
+STOPS = (300, 700, 1400, 2100)
+
+
+def at_lights(offset: float) -> tuple[list, Truth]:
+    """Fixes without speed, and a speed with a yaw rate that errs by the metre (rad/m)."""
+    truth = drive_along(STAIRS)
+    for k, stop in enumerate(STOPS):
+        truth, _ = brake(truth, stop + 100 * k, 100, goes_on=True)
+    seen = geo_fixes(truth, gnss(truth, sigma=2.0, seed=5), np.arange(0, len(truth.time), 10))
+    start = seen[0].time
+    speed = np.gradient(truth.s, truth.time)
+    rate = np.gradient(truth.heading, truth.time) + 0.004 + offset * speed
+    seen += [
+        whichroad.SpeedYaw(start + truth.time[k], speed[k], rate[k]) for k in range(len(speed))
+    ]
+    return sorted(seen, key=lambda o: o.time), truth
+
+
+def road_of(corners: list) -> list:
+    """A road of many edges, with a street that branches off at each corner."""
+    lines = [corners[k : k + 2] for k in range(len(corners) - 1)]
+    for k in range(1, len(corners) - 1):
+        (ax, ay), (bx, by) = corners[k - 1], corners[k]
+        lines.append([[bx, by], [bx + 0.5 * (bx - ax), by + 0.5 * (by - ay)]])
+    return lines
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.0006, -0.001, 0.003])
+def test_an_error_by_the_metre_is_learnt_beside_rests_that_do_not_show_it(offset: float):
+    readings, truth = at_lights(offset)
+    online = whichroad.Localizer(road_map(road_of(STAIRS)), vehicle=CAR)
+    errors, levels = [], []
+    start = readings[0].time
+    for reading in readings:
+        said = online.update(reading)
+        if not said.answered:
+            continue
+        x, y = metres(np.array([said.pose.lon]), np.array([said.pose.lat]))
+        row = round((said.time - start) / 0.1)
+        errors.append(np.hypot(x[0] - truth.x[row], y[0] - truth.y[row]))
+        levels.append(said.protection_level)
+    assert np.all(np.array(errors) < np.array(levels))
+    named = {one.what: one.statistic for one in online.diagnosis}
+    if offset == 0.0:
+        assert not named
+    else:
+        assert set(named) == {"gyro: offset"}
+        assert named["gyro: offset"] == pytest.approx(offset, abs=2e-4)
+    assert np.median(errors[len(errors) // 2 :]) < 3.0

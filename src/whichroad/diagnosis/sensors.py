@@ -26,6 +26,7 @@ _SILENT = 10.0  # s, to be named
 _UNTURNED = 500.0  # m, the same
 _LATE = 0.25  # s, to be named
 _TURNS = 0.02  # of the scale of turns, to be named
+_OFFSET, _SURE = 3e-4, 3.0  # rad/m of turns that are mended, and sigmas of it, to be named
 _SIZE, _LEARNT_SIZE = 0.01, 0.05  # of the odometer's scale that was mended, or learnt: to be named
 _BEHIND = 0.1  # s behind others on line, within which none is refused for long
 _READINGS = {
@@ -69,6 +70,9 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
         found.append(_scale(ways))
     if abs(vetting["turn_size"]["scale"]["factor"] - 1.0) > _TURNS:
         found.append(_turn_scale(vetting))
+    offset = vetting["turn_offset"]
+    if abs(offset["mends"]) > max(_OFFSET, _SURE * math.sqrt(offset["variance"])):
+        found.append(_turn_offset(float(offset["mends"])))
     if vetting["turnabouts"] > 0:
         found.append(_column(BACKWARDS))
     if vetting["unturned"] >= _UNTURNED:
@@ -297,6 +301,15 @@ def _turn_scale(vetting: Record) -> Finding:
             f"track_width by {gain:.3f}, or correct the yaw rate"
         )
     return Finding(name, "warning", gain, 1.0 - _TURNS, 1.0 + _TURNS, text)
+
+
+def _turn_offset(mends: float) -> Finding:
+    """A yaw rate that errs by the metre."""
+    return Finding(
+        "gyro: offset", "warning", -mends, -_OFFSET, _OFFSET,
+        f"the yaw rate is {-mends:.4f} rad/m off: it errs by so much a metre, and not at rest; it "
+        "is mended by what was learnt; if it comes from a steering wheel, correct that one's zero",
+    )  # fmt: skip
 
 
 def _turns(vetting: Record) -> Finding:

@@ -6,6 +6,7 @@ from .._compile import Record, kernel
 from ._simd import copy_record
 from .gnss.departure import p_departed
 from .gnss.silence import FASTEST, hear, is_gap, is_pause, may_be_lost, may_have_moved
+from .gyro import forget_offset, mend_turn, restart
 from .lookback.history import History
 from .motion import GYRO_PACE
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
@@ -226,6 +227,7 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
     forget_scale(vetting.turn_size.scale)
     vetting.turn_size.begun = 0
     state.known_drift[0] = state.known_drift[1] = 0.0
+    restart(vetting.turn_offset, 0.0, par.drift_sigma**2)
     if state.mode == WHEELS and state.count > 0:
         history.since[0].switched = 1
         for i in range(state.count):
@@ -284,6 +286,7 @@ def _turn_about(belief: Belief, par: Record) -> None:
     """Start anew at this fix: the vehicle faces the other way."""
     state = belief.state[0]
     state.known_drift[0] = state.known_drift[1] = 0.0
+    forget_offset(state.vetting.turn_offset)
     state.misfits = par.lost_after
 
 
@@ -319,6 +322,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         _heed_gyro(belief, history, par, epoch.gyro)
     if sensors != CLOCK and face_forward(vetting, reading, dt):
         _turn_about(belief, par)
+    mend_turn(vetting.turn_offset, reading)
     vet(vetting, reading, dt, sensors, max(state.scale, 0.1))
     _heed_silence(belief, history, reading, sensors, dt)
     departed = p_departed(state) > _DEPARTED

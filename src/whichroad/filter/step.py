@@ -192,7 +192,7 @@ def _predict(
         paper.predict(belief, ctx, epoch, dt)
         return
     if epoch.gyro == BY_GYRO and state.motion == PLANE:
-        rest(belief, epoch, dt)
+        rest(belief, history, ctx.par[0], epoch, dt)
     consider_backing(belief, ctx, epoch, dt)
     if len(history.steps) > 0:
         moving = 0.0 if state.motion == STAND else dt

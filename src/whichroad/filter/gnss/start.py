@@ -3,6 +3,7 @@
 import math
 
 from ..._compile import Record, kernel
+from ..gyro import restart
 from ..hypotheses.births import Start, cold_start
 from ..map_error import forget_map
 from ..state import CLOCK, WHEELS, Belief, Context, Path
@@ -91,6 +92,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     forget_map(state)
     start = start_of(belief, ctx, epoch)
     cold_start(belief, path, ctx, epoch.fix, start, 1.0)
+    restart(state.vetting.turn_offset, start.drift, start.drift_sigma**2)
     state.started = 1
     state.misfits = 0.0
     state.since_map = 0.0

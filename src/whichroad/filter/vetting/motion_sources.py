@@ -38,6 +38,21 @@ SPIN = np.dtype(  # wheels that may turn on the spot, see `vetting.spinning`
     align=True,
 )
 
+TURN_OFFSET = np.dtype(  # a gyro's error that grows with the pace, see `filter.gyro`
+    [
+        ("mends", "f8"),  # rad/m that are added to its turns,
+        ("variance", "f8"),  # and what is not known of that
+        ("p", "f8"),  # P(there is one)
+        ("own", "f8", (2,)),  # if so: what is to be added, rad/m, and its variance
+        ("pace", "f8"),  # m/s of the vehicle as it moves; 0: it never came to rest
+        ("rests", "u1"),  # 1: it has come to rest
+        ("moved", "f8"),  # m since then
+        ("before", "f8", (2,)),  # b and its variance when it came to rest,
+        ("left", "f8", (2,)),  # and what is left since of that when it had driven off
+    ],
+    align=True,
+)
+
 VETTING = np.dtype(
     [
         ("windows", WINDOWS),
@@ -101,6 +116,7 @@ VETTING = np.dtype(
         ("latency", LATENCY),
         ("wheel_size", WHEEL_SIZE),  # the odometer's scale,
         ("turn_size", TURN_SIZE),  # and that of its turns
+        ("turn_offset", TURN_OFFSET),  # a gyro's
         ("repeats", REPEATS),  # fixes that only repeat a place
         ("spin", SPIN),
     ],
