@@ -103,6 +103,7 @@ def _is_at_rest(belief: Belief, epoch: Record, dt: float) -> bool:
     state = belief.state[0]
     if not epoch.has_fix or epoch.speed_sigma > _NO_SPEED:
         return is_still(state, epoch, dt, SPARSE)
+    state.still.apart = 0.0
     least = min(max(_SIGMAS * epoch.speed_sigma, _CREEPS), _STANDING)
     if epoch.speed_sigma >= 1.0 or epoch.speed >= least or state.speed >= 3.0 * _STANDING:
         return False

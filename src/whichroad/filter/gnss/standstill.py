@@ -8,11 +8,15 @@ filters in a row, of which the second lags more:
 
 Their white noise leaves an error of σ √Δt / (2 T^1.5) in it.  Errors that drift look like motion.
 Then the vehicle is not said to stand, and all is as it was.
+
+One fix shows that it has left, unless no car drives so far since the one before: such a fix is
+wrong, or the vehicle was carried.  The vehicle is taken to stand on, and the fix is counted as one
+that fits nothing (`gnss.update`), of which enough in a row are a new start.
 """
 
 import math
 
-from ..._compile import Record, kernel
+from ..._compile import Record, Vector, kernel
 from ..motion import Noise
 
 _TIME = 4.0  # s, T
@@ -21,6 +25,7 @@ _SLOW = 0.5  # m/s; what may be faster by two sigmas does not stand
 _LEAVES = 3.5  # sigmas of white noise, and m, from which on one fix shows that it has left
 _ASIDE = 1.0
 _SETS_OUT = 1.5  # m/s², a
+_HARDEST = 4.0  # m/s², a at most
 _WANDERED = 2.0  # reported sigmas from where it came to stand, beyond which it has crept on
 _WHITE = 0.25  # white variance over the reported one, at least
 
@@ -47,6 +52,8 @@ def is_still(state: Record, epoch: Record, dt: float, longest: float) -> bool:
     white = math.sqrt(max(state.white_factor, _WHITE) * fix[2] * fix[3])
     left = math.hypot(fix[0] - still.near[0], fix[1] - still.near[1]) / state.scale
     gain = 1.0 - math.exp(-since / _TIME)
+    if _is_beyond(state, fix, left > _reach(white, since), since):
+        return bool(still.stands == 1)
     lag = math.hypot(still.near[0] - still.far[0], still.near[1] - still.far[1]) / state.scale
     for a in range(2):
         still.near[a] += gain * (fix[a] - still.near[a])
@@ -71,6 +78,42 @@ def is_still(state: Record, epoch: Record, dt: float, longest: float) -> bool:
         return False
     state.moving += dt  # the receiver's error goes on
     return True
+
+
+@kernel
+def _reach(white: float, since: float) -> float:
+    """How far off a fix may be of a vehicle that has left, m.
+
+    Args:
+        white: Sigma of its white noise, m.
+        since: The fix before, s; until then it has left by less than a fix shows.
+    """
+    unseen = math.sqrt(2.0 * (_LEAVES * white + _ASIDE) / _HARDEST)
+    return 0.5 * _HARDEST * (since + unseen) ** 2 + _LEAVES * white
+
+
+@kernel
+def _is_beyond(state: Record, fix: Vector, far: bool, since: float) -> bool:
+    """Count fixes in a row of a vehicle that stands, where it cannot have driven to.
+
+    Args:
+        state: In place.
+        fix: Of this epoch.
+        far: Whether it is beyond reach.
+        since: The fix before, s.
+
+    Returns:
+        Whether it is such a fix.  After too many in a row all begins anew.
+    """
+    still = state.still
+    if far and still.stands == 1:
+        still.apart += since
+        if still.apart > _AGE:
+            _begin(still, fix[0], fix[1])
+        return True
+    if still.apart > 0.0:
+        still.apart = state.misfits = 0.0
+    return False
 
 
 @kernel
@@ -102,5 +145,5 @@ def _begin(still: Record, x: float, y: float) -> None:
     """Begin anew at a fix."""
     still.near[0] = still.far[0] = x
     still.near[1] = still.far[1] = y
-    still.age = 0.0
+    still.age = still.apart = 0.0
     still.stands = 0

@@ -95,6 +95,9 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     restart(state.vetting.turn_offset, start.drift, start.drift_sigma**2)
     state.started = 1
     state.misfits = 0.0
+    state.still.age = -1.0
+    state.still.stands = state.still.at_rest = 0
+    state.still.apart = 0.0
     state.since_map = 0.0
     state.moving = 0.0
     state.since_fix = 0.0

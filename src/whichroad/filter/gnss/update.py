@@ -91,6 +91,19 @@ def _axes(fix: Vector, white: float, thin: float) -> Axes:
     )  # fmt: skip
 
 
+@kernel
+def _count_misfit(belief: Belief, fix: Vector, count: float) -> None:
+    """Count fixes in a row that fit no hypothesis (0: it fits), and how far the last of them is."""
+    state = belief.state[0]
+    if count <= 0.0:
+        state.misfits = 0.0
+        return
+    mean = belief.hyp[heaviest(belief)].mu
+    away = math.hypot(fix[0] - mean[X], fix[1] - mean[Y]) / state.scale
+    state.misfits += count
+    state.vetting.misfit = away + 3.0 * fix[2]
+
+
 @kernel(inline=True)
 def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
     """A standing vehicle's fix observes the receiver's noise, and not the position.
@@ -102,6 +115,10 @@ def observe_standing(belief: Belief, ctx: Context, epoch: Record) -> bool:
     state = belief.state[0]
     fix = epoch.fix
     par = ctx.par[0]
+    if state.mode == CLOCK and state.still.apart > 0.0:
+        _count_misfit(belief, fix, min(epoch.time - state.last_fix, 1.0))
+        state.last_fix = epoch.time
+        return True
     hyp = belief.hyp[heaviest(belief)]
     if hyp.cov[X, X] + hyp.cov[Y, Y] > _FINER * state.gnss_factor * fix[2] * fix[3]:
         return False
@@ -321,19 +338,6 @@ def _follow_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: 
     return chi2
 
 
-@kernel
-def _count_misfit(belief: Belief, fix: Vector, far: bool) -> None:
-    """Count the fixes in a row that fit no hypothesis, and how far the last of them is."""
-    state = belief.state[0]
-    if not far:
-        state.misfits = 0.0
-        return
-    mean = belief.hyp[heaviest(belief)].mu
-    away = math.hypot(fix[0] - mean[X], fix[1] - mean[Y]) / state.scale
-    state.misfits += 1.0
-    state.vetting.misfit = away + 3.0 * fix[2]
-
-
 @kernel(inline=True)
 def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> float:
     """Y₁: position, course and speed of the epoch's fix.
@@ -378,5 +382,5 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     observe_motion(belief, ctx, epoch, thin)
     heed_gross_error(belief, ctx, epoch.time)
     state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
-    _count_misfit(belief, fix, far)
+    _count_misfit(belief, fix, 1.0 if far else 0.0)
     return chi2
