@@ -36,6 +36,7 @@ class Drive:
         self.columns = True  # whether the receiver tells speed and course
         self.every, self.sigma = 1, 3.0  # s between fixes, and m that they report
         self.valid = np.ones(n, bool)
+        self.seen = np.ones(n, bool)  # whether the receiver sees the sky
         self.measure(random)
 
     def measure(self, random: np.random.Generator) -> None:
@@ -65,7 +66,7 @@ class Drive:
             epoch.arc, epoch.turn = self.odometer[k] / RATE, self.turn[k] / RATE
             epoch.forward, epoch.left = arc_chord(epoch.arc, epoch.turn)
             epoch.odometry_valid = self.valid[k] and sensors != CLOCK
-            epoch.has_fix = k % (self.every * RATE) == 0
+            epoch.has_fix = k % (self.every * RATE) == 0 and self.seen[k]
             epoch.fix[:] = [*self.fix[k], self.sigma, self.sigma, 0.0]
             epoch.speed, epoch.course = self.told_speed[k], self.course[k]
             told = self.columns and self.speed[k] > 1.0
@@ -410,6 +411,32 @@ def test_a_receiver_that_jumps_costs_the_odometry_nothing():
     vetting = drive.vetted()
     assert withheld(vetting) == set()
     assert vetting.windows.jumped_at == BEGIN + 60.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("rounds", [1, 2])
+def test_a_loop_without_fixes_before_a_stand_costs_the_odometry_nothing(seed: int, rounds: int):
+    """The vehicle stands where its fixes were lost; its odometer has counted the way between."""
+    drive = Drive(seed, seconds=180)
+    gap = slice(AT, AT + 70 * RATE)
+    drive.seen[gap] = False
+    drive.speed *= np.interp(drive.time, [125.0, 129.0], [1.0, 0.0])
+    way = drive.speed[gap].sum() / RATE
+    drive.rate[gap.start :] = rounds * 2.0 * np.pi * drive.speed[gap.start :] / way
+    drive.measure(np.random.default_rng(seed))
+    vetting = drive.vetted()
+    assert withheld(vetting) == set()
+    assert vetting.seconds.sum() == 0.0
+
+
+def test_a_distance_that_was_right_on_the_whole_is_not_named_by_its_ratio():
+    [vetting] = quick(new_belief().state.vetting)
+    vetting.seconds[ARC], vetting.since[ARC] = 26.0, BEGIN
+    vetting.reported[ARC], vetting.seen[ARC] = 98.0, 100.0
+    [finding] = sensor_findings(vetting)
+    assert finding.what == "odometry: distance"
+    assert not finding.low <= finding.statistic <= finding.high
+    assert "metres_per_tick" not in finding.advice
 
 
 def test_fixes_that_wander_about_a_standing_car_cost_the_odometry_nothing():

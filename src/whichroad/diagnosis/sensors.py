@@ -265,6 +265,12 @@ def _distance(vetting: Record) -> Finding:
             f"it measured no motion{when}, while the fixes moved on; it was withheld; look at the "
             "counters (a vehicle that is carried looks the same)",
         )  # fmt: skip
+    if 0.9 <= ratio <= 1.1:
+        return Finding(
+            "odometry: distance", "warning", float(vetting.seconds[ARC]), 0.0, _LEAST,
+            f"it did not agree with the fixes{when}, though both moved as far on the whole; it was "
+            "withheld; look for wheels that slip, counters that lag, and fixes that jump",
+        )  # fmt: skip
     return Finding(
         "odometry: distance", "warning", ratio, 0.9, 1.1,
         f"it measured {ratio:.2f} of the way of the fixes{when}; it was withheld; check "

@@ -23,6 +23,18 @@ _P = 0.5  # P(the odometer is wrong), as long as only the receiver speaks agains
 
 
 @kernel
+def begin_stand(spin: Record, anchor: Record) -> None:
+    """Begin a stand at the first anchor after a pause, over which the receiver's way is not known.
+
+    Args:
+        spin: `motion_sources.VETTING`'s, in place.
+        anchor: Of `windows`.
+    """
+    copy_record(spin.since, anchor)
+    spin.p = 0.0
+
+
+@kernel
 def weigh_spin(vetting: Record, last: int, scale: float, sensors: int, since: float) -> None:
     """Count seconds in which only the odometer moves.
 

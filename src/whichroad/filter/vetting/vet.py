@@ -26,7 +26,7 @@ from .motion_sources import (
 )
 from .plausibility import check_odometry, is_odd
 from .sparse_fixes import leg_of, weigh_leg
-from .spinning import weigh_spin
+from .spinning import begin_stand, weigh_spin
 from .turn_size import watch_turns
 from .wheel_size import watch_size
 from .windows import (
@@ -34,6 +34,7 @@ from .windows import (
     BY_GYRO,
     CLOCK,
     DISTANCE,
+    PAUSE,
     UNTURNED,
     WHEELS,
     Seen,
@@ -89,7 +90,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     sound = _compare_clocks(vetting, epoch, sensors, scale)
     odd = is_odd(vetting, epoch)
     leg = leg_of(windows, epoch, scale)
-    kept = add_fix(windows, epoch, scale, not odd)
+    kept = _keep(vetting, epoch, scale, not odd)
     watch_size(vetting.wheel_size, epoch, windows, scale, sound)
     if not kept:
         return
@@ -119,6 +120,17 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     weigh_spin(vetting, last, scale, sensors, since)
     _decide(vetting)
     _record(vetting, seen, windows.now.time, since)
+
+
+@kernel
+def _keep(vetting: Record, epoch: Record, scale: float, speed: bool) -> bool:
+    """`add_fix`; after a pause a stand begins anew."""
+    windows = vetting.windows
+    paused = epoch.time - windows.anchors[(windows.count - 1) % ANCHORS].time > PAUSE
+    kept = add_fix(windows, epoch, scale, speed)
+    if paused:
+        begin_stand(vetting.spin, windows.anchors[0])
+    return bool(kept)
 
 
 @kernel
