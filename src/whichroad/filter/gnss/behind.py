@@ -8,6 +8,7 @@ for a while after it has become slower, as an error of the receiver does.
 import math
 
 from ..._compile import Record, kernel
+from ..vetting.latency import DELAY
 from .separation import cover_place
 
 
@@ -23,14 +24,15 @@ def cover_delay(state: Record, out: Record, risk: float) -> None:
         out: The estimate, in place: levels and covariance.
         risk: Of the level.
     """
-    behind = state.vetting.latency.behind
-    p = behind[0]
+    latency = state.vetting.latency
+    p = latency.behind[0]
+    pace = latency.behind[1]
     if p <= risk:
         return
     c = math.cos(out.heading)
     s = math.sin(out.heading)
-    dx = behind[1] * c
-    dy = behind[1] * s
-    along = c * c * out.cov[0] + 2.0 * c * s * out.cov[1] + s * s * out.cov[3]
-    more = math.sqrt(2.0 * math.log(p / risk) * (behind[2] * behind[2] + along))
-    cover_place(out, dx, dy, p, (more, more, more))
+    way = latency.estimate.state[DELAY] * pace
+    variance = latency.estimate.cov[DELAY, DELAY] * pace * pace
+    variance += c * c * out.cov[0] + 2.0 * c * s * out.cov[1] + s * s * out.cov[3]
+    more = math.sqrt(2.0 * math.log(p / risk) * variance)
+    cover_place(out, way * c, way * s, p, (more, more, more))

@@ -60,21 +60,13 @@ def heed_clocks(latency: Record, epoch: Record, scale: float, valid: bool) -> No
 
 @kernel
 def _note_behind(latency: Record, then: Delayed) -> None:
-    """Note how far the vehicle may be ahead of fixes that are likely to be late, but not mended."""
+    """Note how fast the vehicle was, if fixes are likely to be late, but are not mended."""
     behind = latency.behind
-    if latency.late != PUNCTUAL or latency.estimate.state[DELAY] <= 0.0:
-        behind[0] = behind[1] = 0.0
-        return
-    way = math.hypot(then.dx, then.dy)
-    left = behind[1] * math.exp(-abs(latency.here[2] - behind[3]) / _LASTS)
-    behind[0] = p_late(latency)
-    behind[3] = latency.here[2]
-    if way >= left:
-        behind[1] = way
-        behind[2] = math.hypot(then.vx, then.vy) * math.sqrt(latency.estimate.cov[DELAY, DELAY])
-    else:
-        behind[2] *= left / behind[1]
-        behind[1] = left
+    late = latency.late == PUNCTUAL and latency.estimate.state[DELAY] > 0.0
+    behind[0] = p_late(latency) if late else 0.0
+    left = behind[1] * math.exp(-abs(latency.here[2] - behind[2]) / _LASTS)
+    behind[1] = max(math.hypot(then.vx, then.vy), left)
+    behind[2] = latency.here[2]
 
 
 @kernel

@@ -82,9 +82,9 @@ LATENCY = np.dtype(
         ("sure_at", "f8"),  # s, until which it was not sure
         ("late", "u1"),  # PUNCTUAL, FIXES or ODOMETRY
         ("found", "u1"),  # 1: with this fix it has changed
-        # what is not mended: P(fixes are late), the way that the vehicle may be ahead of its place
-        # for that, m, its sigma, and what it had driven then, m
-        ("behind", "f8", (4,)),
+        # what is not mended: P(fixes are late), the speed for which the vehicle may be ahead of its
+        # place then, m/s, and what it had driven when that was, m
+        ("behind", "f8", (3,)),
         ("led", "f8"),  # turn by which it was moved on until the last epoch, rad
         ("lead", "f8", (2,)),  # by which late odometry was moved on, m and rad
     ],
