@@ -79,13 +79,13 @@ def _mend_fix(latency: Record, epoch: Record, scale: float, frame: Frame, then: 
     if latency.late == FIXES:
         epoch.fix[0] += scale * then.dx
         epoch.fix[1] += scale * then.dy
-        ux, uy = velocity(latency, frame, epoch.time)
-        wx, wy = velocity(latency, frame, epoch.time - 2.0 * then.delay)
+        ux, uy = velocity(latency, frame, epoch.time, 0.0)
+        wx, wy = velocity(latency, frame, epoch.time, 2.0 * then.delay)
         changed = max(
             math.hypot(ux - then.vx, uy - then.vy), math.hypot(then.vx - wx, then.vy - wy)
         )
         smoothed = 0.5 * then.delay * changed  # a receiver may lag in other ways
-        _, _, _, turn = place_at(latency, epoch.time - then.delay)
+        _, _, _, turn = place_at(latency, epoch.time, then.delay)
         epoch.course += latency.here[3] - turn
         epoch.speed = max(epoch.speed + math.hypot(ux, uy) - math.hypot(then.vx, then.vy), 0.0)
     more = smoothed * smoothed + sigma * sigma * (then.vx * then.vx + then.vy * then.vy)
@@ -96,7 +96,7 @@ def _mend_fix(latency: Record, epoch: Record, scale: float, frame: Frame, then: 
 @kernel
 def _widen(latency: Record, epoch: Record) -> None:
     """A late fix is off by its way since then, in a direction that is not known."""
-    _, _, arc, _ = place_at(latency, epoch.time - min(latency.estimate.state[DELAY], LONGEST))
+    _, _, arc, _ = place_at(latency, epoch.time, min(latency.estimate.state[DELAY], LONGEST))
     way = abs(latency.here[2] - arc)
     for axis in range(2, 4):
         epoch.fix[axis] = math.hypot(epoch.fix[axis], way)
@@ -126,7 +126,7 @@ def mend_odometry(latency: Record, reading: Record) -> None:
     here[1] += s * reading.forward + c * reading.left
     here[2] += reading.arc
     here[3] += reading.turn
-    _, _, arc, turn = place_at(latency, reading.time - _LEAD)
+    _, _, arc, turn = place_at(latency, reading.time, _LEAD)
     ahead = -latency.estimate.state[DELAY] / _LEAD if late else 0.0
     metres = max(ahead * (here[2] - arc) - latency.lead[0], -max(reading.arc, 0.0))
     turned = ahead * (here[3] - turn) - latency.lead[1]

@@ -82,8 +82,7 @@ LATENCY = np.dtype(
         ("sure_at", "f8"),  # s, until which it was not sure
         ("late", "u1"),  # PUNCTUAL, FIXES or ODOMETRY
         ("found", "u1"),  # 1: with this fix it has changed
-        # what is not mended: P(fixes are late), the speed for which the vehicle may be ahead of its
-        # place then, m/s, and what it had driven when that was, m
+        # not mended: P(fixes are late), speed that puts the vehicle ahead (m/s), way until then (m)
         ("behind", "f8", (3,)),
         ("led", "f8"),  # turn by which it was moved on until the last epoch, rad
         ("lead", "f8", (2,)),  # by which late odometry was moved on, m and rad
@@ -180,17 +179,18 @@ def keep_place(latency: Record, now: Record, time: float) -> None:
 
 
 @kernel
-def place_at(latency: Record, time: float) -> tuple[float, float, float, float]:
-    """Place, way and turn by odometry at a time that is past; before the oldest one, that."""
+def place_at(latency: Record, now: float, ago: float) -> tuple[float, float, float, float]:
+    """Place, way and turn by odometry some seconds ago; before the oldest one, that."""
     oldest = max(latency.kept - PLACES, 0)
     j = latency.kept - 1
-    while j > oldest and latency.places[j % PLACES][0] > time:
+    while j > oldest and now - latency.places[j % PLACES][0] < ago:
         j -= 1
     a = latency.places[j % PLACES]
-    if a[0] >= time or j == latency.kept - 1:
+    since = now - a[0]
+    if since <= ago or j == latency.kept - 1:
         return a[1], a[2], a[3], a[4]
     b = latency.places[(j + 1) % PLACES]
-    share = (time - a[0]) / (b[0] - a[0])
+    share = (since - ago) / (b[0] - a[0])
     return (
         a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]),
         a[3] + share * (b[3] - a[3]), a[4] + share * (b[4] - a[4]),
@@ -198,10 +198,10 @@ def place_at(latency: Record, time: float) -> tuple[float, float, float, float]:
 
 
 @kernel
-def velocity(latency: Record, frame: Frame, time: float) -> tuple[float, float]:
-    """Velocity until a time, m/s."""
-    px, py, _, _ = place_at(latency, time)
-    qx, qy, _, _ = place_at(latency, time - PACE)
+def velocity(latency: Record, frame: Frame, now: float, ago: float) -> tuple[float, float]:
+    """Velocity until some seconds ago, m/s."""
+    px, py, _, _ = place_at(latency, now, ago)
+    qx, qy, _, _ = place_at(latency, now, ago + PACE)
     x = (px - qx) / PACE
     y = (py - qy) / PACE
     return frame.c * x - frame.s * y, frame.s * x + frame.c * y
@@ -211,11 +211,11 @@ def velocity(latency: Record, frame: Frame, time: float) -> tuple[float, float]:
 def delayed(latency: Record, frame: Frame, time: float) -> Delayed:
     """Motion about the time that a fix held."""
     delay = min(max(latency.estimate.state[DELAY], 0.0), LONGEST)
-    px, py, _, _ = place_at(latency, time - delay)
+    px, py, _, _ = place_at(latency, time, delay)
     x = latency.here[0] - px
     y = latency.here[1] - py
-    vx, vy = velocity(latency, frame, time - delay)
-    wx, wy = velocity(latency, frame, time - delay - CHANGE)
+    vx, vy = velocity(latency, frame, time, delay)
+    wx, wy = velocity(latency, frame, time, delay + CHANGE)
     return Delayed(
         delay, frame.c * x - frame.s * y, frame.s * x + frame.c * y, vx, vy,
         (vx - wx) / CHANGE, (vy - wy) / CHANGE,
@@ -232,7 +232,7 @@ def compare(latency: Record, epoch: Record, scale: float, frame: Frame, then: De
     x = c * latency.antenna[0] - s * latency.antenna[1]
     y = s * latency.antenna[0] + c * latency.antenna[1]
     last = latency.last
-    _, _, before, _ = place_at(latency, epoch.time - PACE)
+    _, _, before, _ = place_at(latency, epoch.time, PACE)
     pace = (latency.here[2] - before) / PACE
     if since < _LATEST:
         forward = latency.here[0] - last[4]
