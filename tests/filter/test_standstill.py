@@ -120,6 +120,21 @@ def test_misfits_of_a_waiting_vehicle_are_counted_in_a_row():
     assert np.hypot(rows.x - x, rows.y).max() < 15.0
 
 
+@pytest.mark.parametrize("held", [4, 6])
+def test_who_leaves_while_its_receiver_holds_the_place_is_followed_at_once(held: int):
+    epochs, _ = waiting(0, 0)
+    seconds = np.arange(0.5, 40.0)
+    way = np.concatenate([np.full(60, 0.0), np.cumsum(np.minimum(2.5 * seconds, 14.0))])
+    x = np.concatenate([np.arange(0.0, 400.0, 10.0), 400.0 + way])
+    random = np.random.default_rng(held)
+    epochs = np.rec.array(np.resize(epochs, len(x)))
+    epochs.time[:] = np.arange(len(x))
+    epochs.fix[:, 0] = x + random.normal(0.0, 1.0, len(x))
+    epochs.fix[100 : 100 + held, 0] = epochs.fix[99, 0]
+    rows = localize(network(straight_road()), epochs, mode=CLOCK).output.rows
+    assert np.hypot(rows.x - x, rows.y)[102 + held :].max() < 15.0
+
+
 def test_while_it_stands_the_receiver_s_error_goes_on():
     state, epoch = new_belief().state[0], new_epochs(1)[0]
     state.scale = 1.0

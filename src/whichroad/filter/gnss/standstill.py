@@ -26,6 +26,8 @@ _LEAVES = 3.5  # sigmas of white noise, and m, from which on one fix shows that 
 _ASIDE = 1.0
 _SETS_OUT = 1.5  # m/s², a
 _HARDEST = 4.0  # m/s², a at most
+_FASTEST = 60.0  # m/s, of far fixes that move on
+_SOONEST = 1e-3  # s, that a fix counts at least
 _WANDERED = 2.0  # reported sigmas from where it came to stand, beyond which it has crept on
 _WHITE = 0.25  # white variance over the reported one, at least
 
@@ -52,7 +54,7 @@ def is_still(state: Record, epoch: Record, dt: float, longest: float) -> bool:
     white = math.sqrt(max(state.white_factor, _WHITE) * fix[2] * fix[3])
     left = math.hypot(fix[0] - still.near[0], fix[1] - still.near[1]) / state.scale
     gain = 1.0 - math.exp(-since / _TIME)
-    if _is_beyond(state, fix, left > _reach(white, since), since):
+    if _is_beyond(state, fix, left > _reach(white, since), since, _LEAVES * white + _ASIDE):
         return bool(still.stands == 1)
     lag = math.hypot(still.near[0] - still.far[0], still.near[1] - still.far[1]) / state.scale
     for a in range(2):
@@ -93,7 +95,7 @@ def _reach(white: float, since: float) -> float:
 
 
 @kernel
-def _is_beyond(state: Record, fix: Vector, far: bool, since: float) -> bool:
+def _is_beyond(state: Record, fix: Vector, far: bool, since: float, shows: float) -> bool:
     """Count fixes in a row of a vehicle that stands, where it cannot have driven to.
 
     Args:
@@ -101,19 +103,37 @@ def _is_beyond(state: Record, fix: Vector, far: bool, since: float) -> bool:
         fix: Of this epoch.
         far: Whether it is beyond reach.
         since: The fix before, s.
+        shows: m from which on a fix shows that the vehicle has left.
 
     Returns:
-        Whether it is such a fix.  After too many in a row all begins anew.
+        Whether it is such a fix.  Where they move on as a car does, the receiver held its place
+        while the vehicle left.  After too many in a row all begins anew.
     """
     still = state.still
-    if far and still.stands == 1:
-        still.apart += since
+    if far and still.stands == 1 and not _moves_on(still, fix, since, shows * state.scale):
+        if still.apart <= 0.0:
+            still.beyond[0] = fix[0]
+            still.beyond[1] = fix[1]
+        still.apart += max(since, _SOONEST)
         if still.apart > _AGE:
             _begin(still, fix[0], fix[1])
         return True
     if still.apart > 0.0:
         still.apart = state.misfits = 0.0
     return False
+
+
+@kernel
+def _moves_on(still: Record, fix: Vector, since: float, shows: float) -> bool:
+    """Whether a far fix is farther on than the first one, by no more than a car drives."""
+    if still.apart <= 0.0:
+        return False
+    first = still.beyond
+    way = math.hypot(fix[0] - first[0], fix[1] - first[1])
+    farther = math.hypot(fix[0] - still.near[0], fix[1] - still.near[1]) - math.hypot(
+        first[0] - still.near[0], first[1] - still.near[1]
+    )
+    return bool(farther > shows and way < _FASTEST * (still.apart + since))
 
 
 @kernel

@@ -40,6 +40,8 @@ def heed_clocks(latency: Record, epoch: Record, scale: float, valid: bool) -> No
     latency.found = 0
     if latency.heading[1] == math.inf or not valid:
         latency.time = -math.inf
+        if not valid:
+            latency.behind[0] = 0.0
         if latency.late == FIXES:
             _widen(latency, epoch)
         return

@@ -141,6 +141,7 @@ STILL = np.dtype(
         ("time", "f8"),  # of the last fix, s
         ("age", "f8"),  # s of fixes that are in it; negative: none
         ("apart", "f8"),  # s of fixes in a row that are farther off than it can have driven
+        ("beyond", "f8", (2,)),  # the first of these
         ("left", "f8"),  # m by which a fix shows that it has left, until it is moved by them
         ("stands", "u1"),  # 1: the fixes stay where they are
         ("at_rest", "u1"),  # 1: the vehicle rests, by speed or place of the last fix

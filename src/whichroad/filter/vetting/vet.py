@@ -137,6 +137,7 @@ def _keep(vetting: Record, epoch: Record, scale: float, speed: bool) -> bool:
 def _compare_clocks(vetting: Record, epoch: Record, sensors: int, scale: float) -> bool:
     """Learn how late a fix is; returns whether distance and turn until it may be right."""
     if sensors == CLOCK:
+        vetting.latency.behind[0] = 0.0
         return False
     sound = is_possible(vetting) and vetting.missed == 0 and vetting.refused[ARC] == 0
     sound = sound and (sensors == DISTANCE or vetting.refused[TURN] == 0)
