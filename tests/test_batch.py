@@ -19,7 +19,14 @@ from whichroad.batch import Tables, filtering, match_batches, match_many, match_
 from whichroad.batch.filtering import filter_batch
 from whichroad.errors import ReadError
 from whichroad.geodesy.plane import Plane
-from whichroad.readers import many_trips, read_drive, table_units, trip_files, trip_units
+from whichroad.readers import (
+    drive_from_table,
+    many_trips,
+    read_drive,
+    table_units,
+    trip_files,
+    trip_units,
+)
 from whichroad.recorded import localize_recorded
 from whichroad.tables import export
 from whichroad.tables.schema import ATTRIBUTES, DRIVES, PATH, POINTS
@@ -590,6 +597,26 @@ def test_places_in_a_struct_are_columns(roads, fleet, tmp_path):
         write(nested.filter(pc.equal(nested["drive_id"], first)), path)
         (drive,) = read_drive(path)
         assert len(drive.fixes) == 32
+
+
+def test_fields_of_structs_may_be_named(roads, fleet, tmp_path):
+    whole, own = match_many(fleet, roads), {"lat": "at.a", "lon": "at.b"}
+    places = pa.StructArray.from_arrays(
+        [fleet[name].combine_chunks() for name in ("lat", "lon")], ["a", "b"]
+    )
+    nested = fleet.drop_columns(["lat", "lon"]).append_column("at", places)
+    pq.write_table(nested, tmp_path / "nested.parquet")
+    stream = pa.RecordBatchReader.from_batches(nested.schema, nested.to_batches(50))
+    for given in (nested, stream, tmp_path / "nested.parquet"):
+        assert same(match_many(given, roads, columns=own), whole)
+    one = nested.filter(pc.equal(nested["drive_id"], fleet["drive_id"][0]))
+    for suffix, write in (("parquet", pq.write_table), ("arrow", feather.write_feather)):
+        path = tmp_path / f"one.{suffix}"
+        write(one, path)
+        (drive,) = read_drive(path, columns=own)
+        assert len(drive.fixes) == 32
+    with pytest.raises(ReadError, match=r"'at\.c'"):
+        drive_from_table(one, columns={"lat": "at.c", "lon": "at.b"})
 
 
 def test_ids_beyond_64_bits_are_texts(roads):

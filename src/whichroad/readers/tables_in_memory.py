@@ -72,8 +72,12 @@ def refuse_without_rows(table: Any) -> None:
 def flattened(table: Any, own: Any = None) -> Any:
     """An Arrow table with the fields of its structs as columns, where these hold the places.
 
-    `location` of `lat` and `lon` becomes `location.lat` and `location.lon`.
+    `location` of `lat` and `lon` becomes `location.lat` and `location.lon`.  So it does where
+    the caller names such a field.
     """
+    named = {str(column) for column in (own or {}).values()} - set(table.column_names)
+    if named and not named.isdisjoint((flat := table.flatten()).column_names):
+        return flat
     if {"lat", "lon"} <= (found := find(table.column_names, own)).keys() or "geometry" in found:
         return table
     flat = table.flatten()
