@@ -407,6 +407,22 @@ def test_numbers_that_count_on_beyond_59_are_no_times_of_day(start, step):
     assert not are_clocks(start + step * np.arange(40))
 
 
+def test_even_numbers_without_a_full_minute_or_hour_are_no_times_of_day():
+    for n in (10, 59):
+        assert not are_clocks(20_000.0 + 100.0 * np.arange(n))
+    clocks = pd.date_range("2026-06-01 02:30:00", periods=59, freq="min").strftime("%H%M%S")
+    assert are_clocks(clocks.astype(float).to_numpy())
+
+
+def test_a_zero_among_ticks_is_no_time():
+    for start in (621_355_968_000_000_000, 116_444_736_000_000_000):  # of .NET and of Windows
+        ticks = MOMENTS.as_unit("ns").asi8 // 100 + start
+        ticks[0] = 0
+        (drive,) = drive_from_table({"time": ticks, "lat": LAT, "lon": [8.7] * N})
+        assert drive.fixes.time == pytest.approx(T0 + np.arange(1, N), abs=1e-4)
+        assert drive.skipped == {"no time": 1}
+
+
 def test_ticks_of_100_ns_are_read_and_said(tmp_path):
     ticks = MOMENTS.as_unit("ns").asi8 // 100
     for start in (621_355_968_000_000_000, 116_444_736_000_000_000):  # of .NET and of Windows

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..observations import Array
 from .checks import Bools, Ints
-from .dates import DAY, EARLIEST, LATEST, Moments, day_of, to_utc
+from .dates import DAY, EARLIEST, LATEST, Moments, day_of, plausible, to_utc
 
 _PER_SECOND = (1.0, 1e-3, 1e-6, 1e-9)  # s in a tick of a bare number, s to ns
 # s from 1970 back to the year 1 and to 1601, from which .NET and Windows count 100 ns
@@ -49,6 +49,8 @@ def of_numbers(values: Array, zone: tzinfo | None) -> Moments | None:
     if kind < 0:
         return None
     seconds = _read_as(kind, values, zone)
+    if kind >= _FIRST_START:
+        seconds = plausible(seconds)  # a 0 among ticks is no time of the year 1
     alike = _kinds(np.abs(values)) == kind
     read = Moments(seconds, _is_local(kind), ticks=kind >= _FIRST_START)
     return with_numbers(read, np.where(alike, np.nan, values), zone)
@@ -81,7 +83,7 @@ def are_clocks(values: Array) -> bool:
     """Whether bare numbers are times of day, 74640 for 07:46:40.
 
     Their minutes and seconds go up to 59, and the steps across full minutes are as long as the
-    others by a clock, not as numbers.
+    others by a clock, not as numbers.  Where no full minute or hour shows that, they are not.
     """
     known = values[np.isfinite(values)]
     hour, rest = np.divmod(known, 10_000.0)
@@ -96,7 +98,7 @@ def are_clocks(values: Array) -> bool:
         return False
     as_number, as_clock = (np.abs(steps / np.median(steps) - 1.0) for steps in (number, clock))
     even = float(as_number.mean() - as_clock.mean())
-    return even > _SAME or (even > -_SAME and float(known.min()) >= 10_000.0)
+    return even > _SAME
 
 
 def _kinds(sizes: Array) -> Ints:
