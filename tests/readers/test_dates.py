@@ -331,7 +331,7 @@ def test_dates_of_six_digits_are_read_in_the_order_that_is_told(tmp_path, date, 
     for (drive,) in (drive_from_table(table, dates=order), read_drive(path, dates=order)):
         assert drive.fixes.time == pytest.approx(moments.as_unit("s").asi8)
     for read in (lambda: drive_from_table(table), lambda: read_drive(path)):
-        with pytest.raises(ReadError, match=r"column 'time': dates beside it such as '0?1?\d.*ymd"):
+        with pytest.raises(ReadError, match=r"column 'date': dates such as '0?1?\d.*ymd"):
             read()
 
 
@@ -342,6 +342,55 @@ def test_dates_of_several_days_show_their_order(date, start):
     table = beside(moments, date, kind=int)
     (drive,) = drive_from_table(table)
     assert drive.fixes.time == pytest.approx(moments.as_unit("s").asi8)
+
+
+def days_of(*dates, start="08:00:00"):
+    """A table of a minute for each of some dates, at the same time of day."""
+    clocks = pd.date_range(f"2026-06-01 {start}", periods=30, freq="s").strftime("%H:%M:%S")
+    n = 30 * len(dates)
+    cells = {"date": np.repeat(dates, 30), "time": np.tile(clocks, len(dates))}
+    return pd.DataFrame({**cells, "lat": 49.4 + METRES * np.arange(n), "lon": 8.7})
+
+
+@pytest.mark.parametrize("dates", [("01/05/26", "01/06/26"), ("030426", "030526"), (90624, 100624)])
+def test_two_days_that_may_be_a_month_apart_are_refused(dates):
+    message = rf"column 'date': dates such as '{dates[0]}' do not show"
+    with pytest.raises(ReadError, match=message):
+        drive_from_table(days_of(*dates))
+    (drive,) = drive_from_table(days_of(*dates), dates="dmy")
+    assert not drive.notes
+
+
+def test_an_order_that_is_taken_for_nearness_is_said():
+    (drive,) = drive_from_table(days_of("010626", "020626", "030626"))
+    assert drive.fixes.time[0] == datetime(2026, 6, 1, 8, tzinfo=UTC).timestamp()
+    (note,) = drive.notes
+    assert "'date': dates such as '010626'" in note
+    assert "order dmy" in note
+    assert "2026-06-01; where that is wrong" in note
+    (drive,) = drive_from_table(days_of("123024", "123124"))  # no other order can be
+    assert not drive.notes
+
+
+def test_numbers_of_five_digits_that_are_no_other_dates_are_days_since_1970():
+    (drive,) = drive_from_table(days_of(20637, 20638))
+    assert drive.fixes.time[[0, 30]] == pytest.approx([86_400 * d + 28_800 for d in (20637, 20638)])
+    (note,) = drive.notes
+    assert "such as '20637'" in note
+    assert "taken as days since 1970: 2026-07-03" in note
+    for days in ((20526,), (20525, 20526)):  # as well of 2025 or 2026, or of 2002
+        with pytest.raises(ReadError, match=f"column 'date': dates such as '{days[0]}' do not"):
+            drive_from_table(days_of(*days))
+
+
+@pytest.mark.parametrize("n", [60, 120])
+@pytest.mark.parametrize("step", [0.5, 1, 1.0])
+def test_dates_beside_seconds_of_a_drive_need_no_order(n, step):
+    columns = {"date": ["010626"] * n, "time": step * np.arange(n)}
+    table = pd.DataFrame({**columns, "lat": 49.4 + 1e-4 * np.arange(n), "lon": 8.7})
+    (drive,) = drive_from_table(table)
+    assert drive.fixes.time == pytest.approx(step * np.arange(n))
+    assert any("'date' not used: column 'time' holds numbers" in n for n in drive.notes)
 
 
 def test_a_day_that_can_be_in_one_order_alone_needs_no_word():

@@ -23,6 +23,7 @@ from .dates import (
     plausible,
     to_utc,
 )
+from .digit_dates import Taken
 from .names import Column
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ class Times(NamedTuple):
     dateless: bool = False  # times of day, counted from the midnight before the first
     others: int = 0  # cells in another format than the one the column was read by
     ticks: bool = False  # numbers of 100 ns that count from the year 1 or 1601
+    taken: Taken | None = None  # how dates of digits were read that do not show it
 
 
 def unparsable(name: str) -> str:
@@ -125,7 +127,7 @@ def times(
     skipped: Skipped,
     *,
     written: Writing = UNSAID,
-    date: "pa.ChunkedArray | None" = None,
+    date: "tuple[str, pa.ChunkedArray] | None" = None,
 ) -> Times:
     """A column of times, or a column of times of day and one of dates.
 
@@ -135,7 +137,7 @@ def times(
         where: The source, for errors.
         skipped: Counts cells that are no time.
         written: How they are written, where they do not show it.
-        date: The dates, where the column may hold times of day.
+        date: The name and the column of the dates, where this one may hold times of day.
 
     Raises:
         ReadError: The column holds something else, or day and month cannot be told apart.
@@ -157,11 +159,10 @@ def times(
         cells = strings(column) if clocks or _is_text(kind) else _clock_digits(column)
         moments = None
         if date is not None and (clocks or any(map(_may_be_clock, cells))):
-            moments = of_days(strings(date), cells, written, said)
-            if moments is not None and not (clocks or _is_text(kind)):
-                filled = np.array([bool(cell) for cell in cells], bool)
-                whole = np.isfinite(moments.seconds[filled]).mean() > 0.99
-                moments = moments if whole else None  # else the numbers are no clock
+            whole = clocks or _is_text(kind) or _are_clocks(cells)  # else the numbers are no clock
+            if whole:
+                day = f"{where}: column {date[0]!r}"
+                moments = of_days(strings(date[1]), cells, written, day)
         if moments is None and (clocks or _is_text(kind)):
             moments = of_texts(cells, written, said)
         if moments is not None:
@@ -170,7 +171,9 @@ def times(
                 bare = [_number(c) if at else math.nan for c, at in zip(cells, left, strict=True)]
                 moments = with_numbers(moments, np.array(bare), written.zone)
             keep(np.isfinite(moments.seconds) | ~left, UNPARSABLE_TIME, skipped)
-            return Times(moments.seconds, moments.zoneless, others=moments.others)
+            return Times(
+                moments.seconds, moments.zoneless, others=moments.others, taken=moments.taken
+            )
         since_midnight = of_clocks(cells) if clocks or _is_text(kind) else None
         if since_midnight is not None:
             return Times(since_midnight, dateless=True)
@@ -274,6 +277,14 @@ def _is_number(kind: "pa.DataType") -> bool:
 
 def _may_be_clock(cell: str | None) -> bool:
     return bool(cell) and (is_clock(cell or "") or bool(_CLOCK.fullmatch(cell or "")))
+
+
+def _are_clocks(cells: list[str | None]) -> bool:
+    """Whether nearly all cells that are filled are times of day, not all of the first minute."""
+    seconds = of_clocks([cell for cell in cells if cell])
+    if seconds is None or np.nanmax(seconds, initial=0.0) < 60.0:
+        return False
+    return bool(np.isfinite(seconds).mean() > 0.99)
 
 
 def _clock_digits(column: "pa.ChunkedArray") -> list[str | None]:

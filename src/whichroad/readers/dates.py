@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import ReadError
 from ..observations import Array
-from .digit_dates import ORDERS, dashed
+from .digit_dates import ORDERS, Taken, dashed
 
 EARLIEST = 315_532_800.0  # s, 1980: below it a bare number counts from a start, not from 1970
 LATEST = 4_102_444_800.0  # s, 2100
@@ -89,6 +89,7 @@ class Moments(NamedTuple):
     zoneless: bool = False  # some name no zone; the caller's, else UTC, was taken
     others: int = 0  # cells in another format than the one the column was read by
     ticks: bool = False  # numbers of 100 ns that count from the year 1 or 1601
+    taken: Taken | None = None  # how dates of digits were read that do not show it
 
 
 def zone_of(name: str | None) -> tzinfo | None:
@@ -237,14 +238,22 @@ def of_days(
 ) -> Moments | None:
     """Times of dates and times of day in columns of their own; None where they are none.
 
+    Args:
+        dates: The dates, None where a cell is empty.
+        clocks: The times of day.
+        written: How the dates are written, where they do not show it.
+        where: The source and its column of dates, for errors.
+
     Raises:
         ReadError: Day, month and year cannot be told apart.
     """
+    days, taken = dashed(dates, written.order, where)
     texts = [
         None if not day or not clock else f"{day} {_coloned(clock)}"
-        for day, clock in zip(dashed(dates, written.order, where), clocks, strict=True)
+        for day, clock in zip(days, clocks, strict=True)
     ]
-    return of_texts(texts, written, where)
+    read = of_texts(texts, written, where)
+    return None if read is None else read._replace(taken=taken)
 
 
 def of_clocks(clocks: Sequence[str | None]) -> Array | None:

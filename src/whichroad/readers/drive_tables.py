@@ -270,7 +270,7 @@ def _times(
     day = seen.found.get("date")
     read = times(
         seen.table.column(column.place), column, where, skipped, written=written,
-        date=None if day is None else seen.table.column(day.place),
+        date=None if day is None else (day.name, seen.table.column(day.place)),
     )  # fmt: skip
     notes += [*mixed_note(read, column.name), *unlikely_notes(read, seen)]
     if read.zoneless:
@@ -291,7 +291,7 @@ def _on_clocks(
     read = times(
         seen.table.column(column.place), column, where, Counter(),
         written=written._replace(zone=zone),
-        date=None if day is None else seen.table.column(day.place),
+        date=None if day is None else (day.name, seen.table.column(day.place)),
     )  # fmt: skip
     return in_seconds(read, columns, trips, zone, []) + _FAR.total_seconds()
 

@@ -114,7 +114,8 @@ def in_time_order(
     meaning = found["time"]
     try:
         column = table.column(meaning.place)
-        day = table.column(found["date"].place) if "date" in found else None
+        dates = found.get("date")
+        day = None if dates is None else (dates.name, table.column(dates.place))
         read = times(column, meaning, "table", Counter(), written=written, date=day)
         time = read.seconds
         change = clock_changes(time, written.zone) if read.zoneless else None

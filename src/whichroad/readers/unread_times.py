@@ -9,6 +9,7 @@ from ..observations import Array
 from .arrow_columns import Times, strings, unparsable
 from .checks import LAST, NO_TIME, UNPARSABLE_TIME, Bools, Skipped
 from .dates import DAY
+from .digit_dates import DAYS, Taken
 from .drive_columns import Columns
 from .names import Seen
 
@@ -96,6 +97,8 @@ def unlikely_notes(read: Times, seen: Seen) -> list[str]:
             f"column {day.name!r} not used: column {name!r} holds numbers that are no times of "
             "day such as 74640 (07:46:40)"
         )
+    if day is not None and read.taken is not None:
+        notes.append(_said_of_order(read.taken, day.name))
     if read.ticks:
         notes.append(f"times in column {name!r} taken as ticks of 100 ns, of .NET or Windows")
     if not (read.dateless or read.counted) and are_unlikely(read.seconds):
@@ -106,6 +109,18 @@ def unlikely_notes(read: Times, seen: Seen) -> list[str]:
             "as ISO 8601"
         )
     return notes
+
+
+def _said_of_order(taken: Taken, name: str) -> str:
+    """What is said of dates whose digits do not show how they are to be read."""
+    if taken.order == DAYS:
+        how = "they were taken as days since 1970"
+    else:
+        how = f"the order {taken.order} was taken, in which they are the nearest to each other"
+    return (
+        f"column {name!r}: dates such as {taken.cell.strip()!r} do not show the order of their "
+        f"digits; {how}: {taken.day}; where that is wrong give --dates (dates=), such as dmy"
+    )
 
 
 def _example(seen: Seen, rows: Bools | None = None, quantity: str = "time") -> str:
