@@ -1,13 +1,22 @@
 """Sensors whose clocks differ, in the order in which readings come."""
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from statistics import median
 
 import numpy as np
 import pytest
 
 from online.avenue import CAR, PLANE, STRAIGHT, TOWN, ticks, town_fix, wheels
-from whichroad.observations import GeoFix, Observation, SpeedYaw, WheelTicks, YawRate
-from whichroad.online import Localizer
+from whichroad.observations import (
+    Distance,
+    GeoFix,
+    Observation,
+    SpeedYaw,
+    WheelTicks,
+    YawRate,
+)  # fmt: skip
+from whichroad.online import Localizer, set_back
 
 
 def driven(behind: float) -> Localizer:
@@ -182,20 +191,31 @@ def test_a_gyro_an_hour_ahead_does_not_move_the_time_of_all_others():
     assert online.estimate().time == pytest.approx(time)
 
 
+NOW = 1.7e9  # s since 1970
+TIMES = (STRAIGHT.time + NOW).tolist()
+TICKS = [replace(one, time=t) for one, t in zip(ticks(wheels(STRAIGHT)), TIMES, strict=True)]
+SPEEDS = [
+    SpeedYaw(t, v, 0.0)
+    for t, v in zip(TIMES, np.gradient(STRAIGHT.s, STRAIGHT.time).tolist(), strict=True)
+]
+
+
+def fix(k: int, time: float | None = None) -> GeoFix:
+    """Of the drive at an epoch, stamped as it was, or otherwise."""
+    return town_fix(STRAIGHT.x[k], -1.75, TIMES[k] if time is None else time, bearing_deg=90.0)
+
+
 def stepped(by: float, kinds: tuple[type, ...], rate: str = "ticks") -> tuple[Localizer, list]:
     """40 s of a drive; after 20.05 s the clocks of some kinds go back.  All estimates."""
     online, said = Localizer(TOWN, vehicle=CAR), []
-    for k, reading in enumerate(ticks(wheels(STRAIGHT))[:400]):
-        time = STRAIGHT.time[k]
-        speed = float(np.gradient(STRAIGHT.s, STRAIGHT.time)[k])
-        one = reading if rate == "ticks" else SpeedYaw(reading.time, speed, 0.0)
-        pair: list[Observation] = [one]
+    for k in range(400):
+        pair: list[Observation] = [TICKS[k] if rate == "ticks" else SPEEDS[k]]
         if k % 10 == 5:
-            pair.append(town_fix(STRAIGHT.x[k], -1.75, time, bearing_deg=90.0))
+            pair.append(fix(k))
         for observation in pair:
             if k > 200 and isinstance(observation, kinds):
                 observation = replace(observation, time=observation.time + by)
-            said.append((time, observation.time, online.update(observation)))
+            said.append((TIMES[k], observation.time, online.update(observation)))
     return online, said
 
 
@@ -207,7 +227,7 @@ def test_a_clock_of_all_sensors_that_steps_back_loses_no_way(by: float, rate: st
     assert online.skipped.get("late", 0) <= 4
     assert set(online.skipped) <= {"late"}
     for (time, own, here), (_, _, there) in zip(said, sound, strict=True):
-        if time > 20.6:
+        if time > NOW + 20.6:
             assert here.time == pytest.approx(own, abs=1e-6)
             assert abs(here.pose.x - there.pose.x) < 0.3
             assert here.protection_level < 1.1 * there.protection_level
@@ -232,7 +252,7 @@ def test_a_clock_that_was_set_back_stays_known_over_bytes():
     online, said = stepped(-2.0, (GeoFix, WheelTicks))
     again = Localizer.from_bytes(online.to_bytes(), TOWN)
     k, own = 400, said[-1][1]
-    later = replace(ticks(wheels(STRAIGHT))[k], time=STRAIGHT.time[k] - 2.0)
+    later = replace(TICKS[k], time=TIMES[k] - 2.0)
     assert again.update(later).time == pytest.approx(later.time, abs=1e-6)
     assert later.time > own
     assert again.skipped == online.skipped
@@ -241,7 +261,7 @@ def test_a_clock_that_was_set_back_stays_known_over_bytes():
 
 @pytest.mark.parametrize("wrong", ["repeated", "overtaken", "one ahead"])
 def test_batches_that_come_twice_or_too_late_set_no_clock_back(wrong: str):
-    online, readings = Localizer(TOWN, vehicle=CAR), ticks(wheels(STRAIGHT))[:300]
+    online, readings = Localizer(TOWN, vehicle=CAR), TICKS[:300]
     order = {
         "repeated": [*range(200), *range(180, 200), *range(200, 300)],
         "overtaken": [*range(180), *range(200, 220), *range(180, 200), *range(220, 300)],
@@ -250,7 +270,7 @@ def test_batches_that_come_twice_or_too_late_set_no_clock_back(wrong: str):
     for k in order:
         online.update(readings[k])
         if k % 10 == 5:
-            online.update(town_fix(STRAIGHT.x[k], -1.75, STRAIGHT.time[k], bearing_deg=90.0))
+            online.update(fix(k))
     assert "clock: set back" not in [found.what for found in online.diagnosis]
     assert online.estimate().time == readings[-1].time
     assert online.skipped["late"] > 18
@@ -276,14 +296,155 @@ def test_a_clock_of_odometry_alone_that_steps_ahead_refuses_no_fix_for_long(by: 
 def test_wheels_that_are_silent_for_two_seconds_step_no_clock_ahead(heard: bool, every: int):
     """Whether fixes come meanwhile, or all of them come behind the first wheels in one burst."""
     online, held = Localizer(TOWN, vehicle=CAR), []
-    for k, reading in enumerate(ticks(wheels(STRAIGHT))[:400]):
+    for k, reading in enumerate(TICKS[:400]):
         if not 200 < k < 220:
             online.update(reading)
         if k % every == every // 2:
-            held.append(town_fix(STRAIGHT.x[k], -1.75, STRAIGHT.time[k], bearing_deg=90.0))
+            held.append(fix(k))
         if heard or not 200 < k < 221:
-            for fix in held:
-                online.update(fix)
+            for one in held:
+                online.update(one)
             held = []
     assert not [found for found in online.diagnosis if found.what.startswith(("gnss", "clock"))]
     assert online.estimate().time == reading.time
+
+
+def named(online: Localizer) -> list[str]:
+    """The clocks that it names, but for readings that are only late."""
+    names = [found.what for found in online.diagnosis]
+    return [what for what in names if what.startswith("clock") or what.endswith(": clock")]
+
+
+def heard(
+    wheels: Iterable[Observation], late: Callable[[int, float], float], every: int = 10
+) -> Localizer:
+    """Odometry in its order, and fixes, which come when `late` says by their epoch and time."""
+    come = [(one.time, one) for one in wheels]
+    come += [(late(k, TIMES[k]), fix(k)) for k in range(5, 400, every)]
+    online = Localizer(TOWN, vehicle=CAR)
+    for _, reading in sorted(come, key=lambda pair: pair[0]):
+        online.update(reading)
+    return online
+
+
+@pytest.mark.parametrize("before", [0.0, 7200.0])
+@pytest.mark.parametrize("kinds", [(WheelTicks,), (WheelTicks, GeoFix)])
+def test_no_time_but_a_latency_tells_whether_fixes_stepped_too(kinds: tuple, before: float):
+    """A first fix, and one after a clock that was set back by hours, are not that late."""
+    online = Localizer(TOWN, vehicle=CAR)
+    for k in range(400):
+        for one in (fix(k), TICKS[k]) if k % 10 == 0 else (TICKS[k],):
+            by = before if k < 5 else -2.04 if k > 250 and isinstance(one, kinds) else 0.0
+            said = online.update(replace(one, time=one.time + by))
+    assert online.skipped.get("clock set back: started anew", 0) == (before > 0.0)
+    assert named(online) == ["clock: set back"]
+    own = TIMES[399] - (2.04 if GeoFix in kinds else 0.0)
+    assert said.time == pytest.approx(own, abs=0.05)
+    assert abs(said.pose.x - STRAIGHT.x[399]) < 3.0
+
+
+@pytest.mark.parametrize("every", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("stall", [50, 80])
+def test_fixes_that_are_worked_off_after_a_stall_step_no_clock_ahead(stall: int, every: float):
+    wheels = [one for k, one in enumerate(TICKS[:400]) if not 200 < k < 200 + stall]
+    begin = TIMES[200 + stall] + 0.01
+
+    def late(k: int, time: float) -> float:
+        return time if k < 200 else max(time, begin + every * ((k - 205) // 10))
+
+    online = heard(wheels, late)
+    assert named(online) == []
+    assert online.skipped["late"] < 15
+    assert online.estimate().time == TIMES[399]
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_fixes_of_ordinary_latency_beside_dropouts_step_no_clock_ahead(seed: int):
+    rng, out = np.random.default_rng(seed), set()
+    for first in rng.integers(10, 380, 12).tolist():
+        out |= set(range(first, first + int(rng.integers(5, 9))))
+    wheels = [one for k, one in enumerate(TICKS[:400]) if k not in out]
+    online = heard(wheels, lambda k, time: time + float(rng.uniform(0.1, 0.95)))
+    assert named(online) == []
+    assert online.skipped == {}
+
+
+@pytest.mark.parametrize("wheels_drop", [(30, 36), (30, 39)])
+def test_fixes_that_are_nearly_a_second_late_step_no_clock_ahead(wheels_drop: tuple[int, int]):
+    wheels = [one for k, one in enumerate(TICKS[:400]) if not wheels_drop[0] < k < wheels_drop[1]]
+    online = heard(wheels, lambda k, time: time + 0.9)
+    assert named(online) == []
+    assert online.skipped == {}
+
+
+@pytest.mark.parametrize("other", [0.0, 0.03, 0.3])
+def test_two_sources_in_batches_set_no_clock_back(other: float):
+    online = Localizer(TOWN, vehicle=CAR)
+    for k in range(0, 400, 10):
+        for one in SPEEDS[k : k + 10]:
+            online.update(one)
+        for one in SPEEDS[k : k + 10]:
+            online.update(SpeedYaw(one.time - other, one.speed + 0.05, 0.0))
+        said = online.update(fix(k + 9))
+    assert named(online) == []
+    assert said.time == TIMES[399]
+
+
+@pytest.mark.parametrize("late", [0.5, 1.0])
+def test_a_slower_source_that_goes_on_alone_sets_no_clock_back(late: float):
+    online = Localizer(TOWN, vehicle=CAR)
+    come = [(one.time, one) for one in SPEEDS[:400]]
+    come += [(t + late + 1e-4, replace(one, time=t + 0.03)) for t, one in come]
+    online.update(fix(0))
+    for _, one in sorted(come, key=lambda pair: pair[0]):
+        online.update(one)
+    assert named(online) in ([], ["odometry: clock"])
+
+
+@pytest.mark.parametrize("readings", ["ticks", "speeds", "distances"])
+@pytest.mark.parametrize("by", [1e-6, -1e-6])
+def test_batches_that_come_again_with_other_stamps_set_no_clock_back(readings: str, by: float):
+    distances = [Distance(t, s) for t, s in zip(TIMES, STRAIGHT.s.tolist(), strict=True)]
+    log = {"ticks": TICKS, "speeds": SPEEDS, "distances": distances}[readings]
+    online = Localizer(TOWN, vehicle=CAR)
+    for k in range(0, 400, 10):
+        for one in log[k : k + 10]:
+            online.update(one)
+        if k in (200, 300):
+            for one in log[k : k + 10]:
+                online.update(replace(one, time=one.time + by))
+        online.update(fix(k + 9))
+    assert named(online) == []
+    assert online.estimate().time == TIMES[399]
+
+
+def test_fixes_follow_two_steps_back_of_which_they_heard_none():
+    online = Localizer(TOWN, vehicle=CAR)
+    for k in range(1100):
+        by = -2.03 * (k > 200) - 3.02 * (k > 850)
+        said = online.update(replace(TICKS[k], time=TIMES[k] + by))
+        if k % 10 == 5 and not 150 < k < 900:
+            said = online.update(fix(k, TIMES[k] + by))
+    assert online.skipped["late"] <= 8
+    assert said.time == pytest.approx(TIMES[1099] - 5.05, abs=1e-6)
+    assert named(online) == ["clock: set back"]
+
+
+def test_odometry_that_stepped_ahead_and_back_again_is_named_no_longer():
+    online = Localizer(TOWN, vehicle=CAR)
+    for k in range(600):
+        online.update(replace(TICKS[k], time=TIMES[k] + 2.03 * (200 < k < 400)))
+        if k % 10 == 5:
+            online.update(fix(k))
+        if k == 390:
+            assert named(online) == ["gnss: clock"]
+    assert named(online) == ["clock: set back"]
+
+
+def test_the_usual_interval_is_not_reckoned_at_each_reading(monkeypatch: pytest.MonkeyPatch):
+    calls = []
+    monkeypatch.setattr(set_back, "median", lambda times: calls.append(0) or median(times))
+    online = Localizer(TOWN, vehicle=CAR)
+    for k in range(0, 1000, 10):
+        online.update(replace(TICKS[k], time=NOW + 0.11 * k))
+    assert 3 <= len(calls) <= 6

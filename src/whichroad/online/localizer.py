@@ -371,6 +371,9 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
     ) -> "Localizer":  # fmt: skip
         """A localizer that goes on where another one was, to the bit.
 
+        The readings by which a clock's step is found are not kept: a state of the first three
+        after a step loses it.
+
         Args:
             data: What `to_bytes` gave.
             roads: The same map, or its path.

@@ -156,7 +156,7 @@ class Pauses:
                 self._streams.odometry.ahead = self._streams.further.ahead = True
             else:
                 return self._refuse("late", stream, late)
-            stream = self._streams.of(observation)  # new ones
+            stream, late = self._streams.of(observation), 0.0  # new ones
         self._late.took()
         stream.took()
         clocks = self._clocks
