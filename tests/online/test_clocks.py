@@ -448,3 +448,17 @@ def test_the_usual_interval_is_not_reckoned_at_each_reading(monkeypatch: pytest.
     for k in range(0, 1000, 10):
         online.update(replace(TICKS[k], time=NOW + 0.11 * k))
     assert 3 <= len(calls) <= 6
+
+
+def test_a_localizer_of_a_subclass_begins_anew():
+    class Named(Localizer):
+        def __init__(self, name: str) -> None:
+            super().__init__(TOWN, vehicle=CAR)
+            self.name = name
+
+    online = Named("one")
+    for k in range(100):
+        for one in (TICKS[k], fix(k)):
+            online.update(replace(one, time=TIMES[k] + 7200.0 * (k < 50)))
+    assert online.skipped["clock set back: started anew"] == 1
+    assert online.name == "one"
