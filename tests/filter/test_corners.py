@@ -136,3 +136,13 @@ def test_what_is_given_to_a_corner_is_taken_from_the_road_and_given_once():
     again = int(belief.state[0].count)
     after = np.exp(belief.hyp.log_weight[:again])[belief.hyp.edge[:again] == MAIN].sum()
     assert after == pytest.approx(before, rel=0.02)
+
+
+def test_what_is_far_beyond_its_roads_end_cuts_no_corner():
+    """All of it has passed the node, so that nothing is left to share out."""
+    belief, ctx = turned(-60.0, 450.0)
+    belief.hyp[0].p_not_passed = 0.0
+    list_corners(belief, ctx, 0, math.radians(-60.0))
+    assert (ctx.work.successor.mass == 0.0).all()
+    branch(belief, new_path(64), ctx, 0.5, 0.0)
+    assert np.isfinite(belief.hyp.log_weight[: belief.state[0].count]).all()

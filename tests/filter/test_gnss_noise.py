@@ -72,6 +72,28 @@ def test_on_a_road_the_scale_of_fixes_is_found_in_three_minutes(mode: int, under
     assert under * (1.0 - 0.09) <= np.mean(scale) <= under * (1.0 + 0.16)
 
 
+def speeding_up(seconds: float) -> Truth:
+    """A straight road at 3 m/s² up to 25 m/s, and at 3 m/s² back to 4 m/s, again and again."""
+    time = np.arange(0.0, seconds, 0.1)
+    speed = 4.0 + 3.0 * np.abs((time + 7.0) % 14.0 - 7.0)
+    s = np.cumsum(0.1 * speed)
+    none = np.zeros(len(time))
+    return Truth(time, 500.0 + s, none - 1.75, none, s)
+
+
+def test_what_speeds_tell_of_an_acceleration_is_no_error_of_the_receiver():
+    """A second of acceleration puts the place off by 1.5 m; the scale came to 1.3 by that."""
+    truth = speeding_up(300.0)
+    at, scale = once_a_second(truth), []
+    for seed in range(8):
+        epochs = epochs_of(truth, gnss(truth, sigma=2.0, seed=seed), at, course=0.1)
+        add_doppler(epochs, truth)
+        epochs.course[at], epochs.course_sigma[at] = 0.0, 0.05
+        found = localize(LONG, epochs[at].copy(), mode=CLOCK).output
+        scale.append(found.rows.gnss_scale[60:])
+    assert np.mean(scale) < 1.05
+
+
 @pytest.mark.parametrize("mode", [DISTANCE, CLOCK])
 def test_a_receiver_that_is_not_to_be_inflated_is_taken_at_its_word(mode: int):
     """What was guessed at the start is forgotten within three minutes."""

@@ -9,7 +9,7 @@ from scenes import On, belief_on, context, network, straight_road
 from strategies import random_gaussian
 from whichroad.filter.gnss.gross_error import _move_to_fix, heed_gross_error, takes_back
 from whichroad.filter.gnss.position import Axes, innovations
-from whichroad.filter.state import GX, GY, MOTION, RECEIVER, Belief, N, X, Y, normalise
+from whichroad.filter.state import CLOCK, GX, GY, MOTION, RECEIVER, Belief, N, X, Y, normalise
 
 ROAD = network(straight_road())
 CTX = context(ROAD)
@@ -91,3 +91,14 @@ def test_an_error_of_a_few_sigmas_or_of_a_coarse_receiver_is_none():
     for belief in (usual, coarse):
         heed_gross_error(belief, CTX, 1000.0)
         assert belief.state[0].separation.gross.p == 0.0
+
+
+def test_of_any_receiver_the_fixes_are_believed_sooner_or_later_where_no_turns_are_measured():
+    """The map's line may have turned elsewhere than the vehicle."""
+    belief = believing(OFF)
+    belief.state[0].bias_root[:] = 3.0, 0.0, 3.0
+    belief.state[0].mode = CLOCK
+    for time in (100.0, 110.0):
+        heed_gross_error(belief, CTX, time)
+    p = belief.state[0].separation.gross.p
+    assert p == pytest.approx(1.0 / (1.0 + 9.0 * math.exp(-10.0 / FAULT_TIME)))

@@ -67,6 +67,11 @@ def test_where_the_map_is_good_the_receiver_is_what_varies():
     assert answer(0.0).rows.gnss_scale[-1] < 1.2
 
 
+def test_an_offset_that_stays_is_the_maps_unless_the_receiver_varies_as_much():
+    assert answer(4.0).rows.gnss_scale[-1] < 1.1
+    assert answer(4.0, 2.0).rows.gnss_scale[-1] > 1.3
+
+
 def test_of_a_receiver_alone_nothing_is_learnt():
     """A wrong road would explain itself by a bad map."""
     assert (answer(0.0, mode=CLOCK).rows.map_scale == 1.0).all()

@@ -58,8 +58,18 @@ def least_factor(state: Record, par: Record) -> float:
     poor = _GOOD * par.map_sigma**2
     believed = (_PRIOR_GOOD * poor + known * varies) / (_PRIOR_GOOD + known)
     good = max(1.0 - (believed / poor) ** 2, 0.0)
-    seen = min((varies + min(constant, reported)) / reported, _TOO_SMALL**2)
+    apart = max(_about_its_mean(state.learnt_time / par.gnss_time), 1e-3)
+    constant = min(constant, varies * (1.0 - apart) / apart, reported)
+    seen = min((varies + constant) / reported, _TOO_SMALL**2)
     return float(least + good * max(seen - least, 0.0))
+
+
+@kernel
+def _about_its_mean(lengths: float) -> float:
+    """Share of an error's variance about its mean, over so many of the lengths it lasts for."""
+    if lengths <= 0.01:
+        return lengths / 3.0
+    return 1.0 - 2.0 * (lengths - 1.0 + math.exp(-lengths)) / (lengths * lengths)
 
 
 @kernel
@@ -221,9 +231,7 @@ def _fit(learnt: Record, par: Record) -> None:
     if way <= 0.0:
         return
     by_mean = (learnt.moments[1] ** 2 + learnt.moments[2] ** 2) / (way * square)
-    apart = way / 3.0
-    if way > 0.01:
-        apart = 1.0 - 2.0 * (way - 1.0 + math.exp(-way)) / (way * way)
+    apart = _about_its_mean(way)
     total = min(max(_ratio(seen, known), least), most)
     local = min(max(_ratio(max(seen - by_mean, 0.0), known * apart), least), most)
     constant = max(total - local, 0.0) * square

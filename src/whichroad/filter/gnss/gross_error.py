@@ -10,6 +10,9 @@ that last for τ = `gnss_fault_time` on average,
 A side that has died lives again at the fix with that probability, now and then, and the level
 covers it.  Where a jump takes back the one before it, the fixes in between were wrong.  Where no
 turns are measured, a single wrong fix may have moved the belief: P(the receiver) = 1/6 there.
+
+Any other receiver is held so where no turns are measured.  A fix that fits nothing is its error
+then (`gnss.position`), and the map's line may have turned elsewhere than the vehicle.
 """
 
 import math
@@ -120,7 +123,7 @@ def _offer(belief: Belief, p: float) -> None:
 
 @kernel
 def heed_gross_error(belief: Belief, ctx: Context, time: float) -> None:
-    """With each fix: whether the likeliest place is far from a fine receiver's.
+    """With each fix: whether the likeliest place is far from a fine receiver's, or from any one's.
 
     Args:
         belief: In place; hypotheses at the fix are added where none lives there.
@@ -131,11 +134,12 @@ def heed_gross_error(belief: Belief, ctx: Context, time: float) -> None:
     gross = state.separation.gross
     agreed = gross.p == 0.0
     gross.p = 0.0
-    if not is_fine(state) or _square(belief.hyp[heaviest(belief)]) <= FAULT**2:
+    fine = is_fine(state)
+    if not (fine or state.mode != WHEELS) or _square(belief.hyp[heaviest(belief)]) <= FAULT**2:
         return
     if agreed and time - gross.time > _LATELY:
         gross.time = gross.offered = time
-    prior = _ODDS if state.mode == WHEELS else _UNMEASURED
+    prior = _UNMEASURED if fine and state.mode != WHEELS else _ODDS
     odds = prior * math.exp(-(time - gross.time) / ctx.par[0].gnss_fault_time)
     gross.p = min(1.0 / (1.0 + odds), _MOST)
     if time - gross.offered < _EVERY:

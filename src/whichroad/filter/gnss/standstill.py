@@ -110,7 +110,7 @@ def _is_beyond(state: Record, fix: Vector, far: bool, since: float, shows: float
         while the vehicle left.  After too many in a row all begins anew.
     """
     still = state.still
-    if far and still.stands == 1 and not _moves_on(still, fix, since, shows * state.scale):
+    if far and still.stands == 1 and not _moves_on(state, fix, since, shows):
         if still.apart <= 0.0:
             still.beyond[0] = fix[0]
             still.beyond[1] = fix[1]
@@ -124,8 +124,9 @@ def _is_beyond(state: Record, fix: Vector, far: bool, since: float, shows: float
 
 
 @kernel
-def _moves_on(still: Record, fix: Vector, since: float, shows: float) -> bool:
+def _moves_on(state: Record, fix: Vector, since: float, shows: float) -> bool:
     """Whether a far fix is farther on than the first one, by no more than a car drives."""
+    still = state.still
     if still.apart <= 0.0:
         return False
     first = still.beyond
@@ -133,7 +134,8 @@ def _moves_on(still: Record, fix: Vector, since: float, shows: float) -> bool:
     farther = math.hypot(fix[0] - still.near[0], fix[1] - still.near[1]) - math.hypot(
         first[0] - still.near[0], first[1] - still.near[1]
     )
-    return bool(farther > shows and way < _FASTEST * (still.apart + since))
+    fastest = _FASTEST * (still.apart + since)
+    return bool(farther > shows * state.scale and way < fastest * state.scale)
 
 
 @kernel

@@ -8,6 +8,7 @@ from ..state import (
     CLOCK,
     DISTANCE,
     NOTHING,
+    ROUTES,
     WHEELS,
     Belief,
     Context,
@@ -343,7 +344,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     """Y₁: position, course and speed of the epoch's fix.
 
     The white part is scaled with the interval, so that fixes ten times as often add
-    nearly no information.
+    nearly no information.  Without odometry course and speed come first: nothing else knows that
+    the vehicle accelerates.
 
     Returns:
         Chi-square of the position under the hypothesis that fits it best.
@@ -366,6 +368,9 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     since = epoch.time - state.last_fix
     thin = max(1.0, 1.0 / max(interval, 0.01))
     axes = _axes(fix, white, thin)
+    first = state.mode == CLOCK and state.motion != ROUTES
+    if first:  # what they tell of the way since the last fix is no error of the receiver
+        observe_motion(belief, ctx, epoch, thin)
     innovations(belief, ctx, fix, axes)
     in_reach = _is_in_reach(belief, epoch, since)
     if (state.mode != CLOCK or since < _FREQUENT) and in_reach:
@@ -379,7 +384,8 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     far = chi2 > 4.0 * par.gnss_gate
     if par.gnss_lost > 0.0 and in_reach:
         _search(belief, path, ctx, epoch, white, far)
-    observe_motion(belief, ctx, epoch, thin)
+    if not first:
+        observe_motion(belief, ctx, epoch, thin)
     heed_gross_error(belief, ctx, epoch.time)
     state.vetting.apart = far and epoch.time - state.vetting.windows.jumped_at > _JUMPED
     _count_misfit(belief, fix, 1.0 if far else 0.0)

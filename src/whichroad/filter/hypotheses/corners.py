@@ -138,4 +138,5 @@ def _more_passed(
     variances = hyp.cov[D, D], lane_sigma(ctx, edge) ** 2
     place, variance = _passed_at(angle, abs(turned), lanes, variances)
     passed = normal_cdf((hyp.along - end - place) / math.sqrt(hyp.along_sigma**2 + variance))
-    return float(max(passed - 1.0 + hyp.p_not_passed, 0.0) / hyp.p_not_passed)
+    more = passed - 1.0 + hyp.p_not_passed
+    return float(more / hyp.p_not_passed) if more > 0.0 else 0.0
