@@ -72,6 +72,19 @@ def test_on_a_road_the_scale_of_fixes_is_found_in_three_minutes(mode: int, under
     assert under * (1.0 - 0.09) <= np.mean(scale) <= under * (1.0 + 0.16)
 
 
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE, CLOCK])
+def test_levels_are_as_wide_in_hindsight_as_the_scale_is_uncertain(mode: int):
+    """Beside wheels it is known soon; else from few errors, which are Student's then."""
+    at = once_a_second(AHEAD)
+    epochs = epochs_of(AHEAD, gnss(AHEAD, sigma=3.0), at, course=0.1)
+    epochs = epochs[at].copy() if mode == CLOCK else epochs
+    found = localize(LONG, epochs, mode=mode, lag="full").output
+    xx, xy, yy = (column(found, name) for name in ("xx", "xy", "yy"))
+    major = np.sqrt(0.5 * (xx + yy + np.hypot(xx - yy, 2.0 * xy)))
+    times = found.rows.protection_level / (math.sqrt(2.0 * math.log(1e3)) * major)
+    assert (np.median(times) > 1.05) == (mode != WHEELS)
+
+
 def speeding_up(seconds: float) -> Truth:
     """A straight road at 3 m/s² up to 25 m/s, and at 3 m/s² back to 4 m/s, again and again."""
     time = np.arange(0.0, seconds, 0.1)

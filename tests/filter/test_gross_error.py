@@ -9,7 +9,9 @@ from scenes import On, belief_on, context, network, straight_road
 from strategies import random_gaussian
 from whichroad.filter.gnss.gross_error import _move_to_fix, heed_gross_error, takes_back
 from whichroad.filter.gnss.position import Axes, innovations
+from whichroad.filter.gnss.separation import cover_gross_error
 from whichroad.filter.state import CLOCK, GX, GY, MOTION, RECEIVER, Belief, N, X, Y, normalise
+from whichroad.filter.summary.estimate import new_output
 
 ROAD = network(straight_road())
 CTX = context(ROAD)
@@ -102,3 +104,16 @@ def test_of_any_receiver_the_fixes_are_believed_sooner_or_later_where_no_turns_a
         heed_gross_error(belief, CTX, time)
     p = belief.state[0].separation.gross.p
     assert p == pytest.approx(1.0 / (1.0 + 9.0 * math.exp(-10.0 / FAULT_TIME)))
+
+
+@pytest.mark.parametrize("error", [0.0, OFF])
+def test_in_hindsight_the_place_of_fixes_is_covered_unless_the_vehicle_is_there(error: float):
+    """Smoothed, the receiver's error is that of then, in metres."""
+    belief = believing(OFF)
+    heed_gross_error(belief, CTX, 110.0)
+    state, top = belief.state[0], belief.hyp[0]
+    state.hindsight, top.mu[GX], state.bias_root[:] = 1, error, 0.0
+    row = new_output(1, False).rows[0]
+    row.x, row.y, row.heading, row.protection_level = top.mu[X], top.mu[Y], 0.0, 0.5
+    cover_gross_error(state, top, row, 1e-3)
+    assert (row.protection_level > OFF * SIGMA) == (error > 0.0)

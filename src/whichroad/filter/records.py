@@ -119,6 +119,8 @@ GROSS = np.dtype(  # a fine receiver's error that may be a gross one, see `gnss.
         ("jump", "f8", (2,)),  # of the last fix that fitted nothing, m, axes of the plane
         ("time", "f8"),  # s, of that fix
         ("offered", "f8"),  # s, when a place at the fix was last offered
+        ("error", "f8", (2,)),  # of the receiver, m, axes of the plane,
+        ("sigma", "f8"),  # and its usual sigma, m
     ],
     align=True,
 )

@@ -135,13 +135,14 @@ def heed_gross_error(belief: Belief, ctx: Context, time: float) -> None:
     agreed = gross.p == 0.0
     gross.p = 0.0
     fine = is_fine(state)
-    if not (fine or state.mode != WHEELS) or _square(belief.hyp[heaviest(belief)]) <= FAULT**2:
+    if not (fine or state.mode != WHEELS) or not is_gross(belief.hyp[heaviest(belief)]):
         return
     if agreed and time - gross.time > _LATELY:
         gross.time = gross.offered = time
     prior = _UNMEASURED if fine and state.mode != WHEELS else _ODDS
     odds = prior * math.exp(-(time - gross.time) / ctx.par[0].gnss_fault_time)
     gross.p = min(1.0 / (1.0 + odds), _MOST)
+    gross.error[0], gross.error[1], gross.sigma = error_of(state, belief.hyp[heaviest(belief)])
     if time - gross.offered < _EVERY:
         return
     gross.offered = time
@@ -152,8 +153,17 @@ def heed_gross_error(belief: Belief, ctx: Context, time: float) -> None:
 
 
 @kernel
+def is_gross(hyp: Record) -> bool:
+    """Whether the receiver is far off by a hypothesis."""
+    return bool(_square(hyp) > FAULT**2)
+
+
+@kernel
 def error_of(state: Record, hyp: Record) -> tuple[float, float, float]:
-    """A receiver's error, m, by the axes of the plane, and its usual sigma."""
+    """A receiver's error, m, by the axes of the plane, and its usual sigma; smoothed, as then."""
+    gross = state.separation.gross
+    if state.hindsight == 1:
+        return gross.error[0], gross.error[1], gross.sigma
     root = state.bias_root
     dx = root[0] * hyp.mu[GX] + root[1] * hyp.mu[GY]
     dy = root[1] * hyp.mu[GX] + root[2] * hyp.mu[GY]

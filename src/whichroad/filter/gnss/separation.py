@@ -36,7 +36,7 @@ from ..state import (
 from ..vetting.motion_sources import ARC, is_possible
 from ..vetting.windows import ANCHORS, BY_GYRO
 from .bias import is_fine
-from .gross_error import error_of
+from .gross_error import error_of, is_gross
 
 _EVERY = 15.0  # s between two copies
 _LONGEST = 120.0  # s for which one is kept
@@ -373,7 +373,7 @@ def cover_gross_error(state: Record, top: Record, out: Record, risk: float) -> N
         risk: Of the level.
     """
     p = state.separation.gross.p
-    if p > risk:
+    if p > risk and (state.hindsight == 0 or is_gross(top)):
         dx, dy, sigma = error_of(state, top)
         place = (top.mu[X] + state.scale * dx, top.mu[Y] + state.scale * dy)
         _cover(state, out, place, p, sigma, risk)

@@ -15,9 +15,9 @@ from ..._compile import Array, Matrix, Record, Records, Vector, kernel
 from ...graph.network import records
 from .._simd import N, copy_record
 from ..motion import Increment, Noise, drift_clock, predict_plane
-from ..records import DEPARTURE, DROPPED, UNMAPPED
+from ..records import DEPARTURE, DROPPED, GROSS, UNMAPPED
 from ..sparse.driver import pace_of
-from ..state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, B, Belief, K
+from ..state import CLOCK, KEPT, NO_EDGE, OFF_ROAD, WHEELS, B, Belief, K
 from .packed_noise import pack_noise
 
 PACKED = N * (N + 1) // 2
@@ -64,6 +64,8 @@ STEP = np.dtype(
         ("gnss_factor", "f8"),  # on reported variances
         ("departure", DEPARTURE),  # of a fix that has left a vehicle whose odometer stands
         ("unmapped", UNMAPPED),  # of fixes that lie beside the road
+        ("gross", GROSS),  # of a receiver that may be right where it is thought to be far off
+        ("level_tail", "f8"),  # sigmas of levels over those of Gaussians; 1 beside wheels
         ("dropped", DROPPED),  # ways between sparse fixes that nobody follows
         ("speed_sigma", "f8"),  # of the vehicle between sparse fixes (filter.sparse.driver)
         ("map_factor", "f8"),  # on map_sigma²,
@@ -275,6 +277,8 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     copy_record(step.departure, state.separation.departure)
     copy_record(step.unmapped, state.separation.unmapped)
     copy_record(step.dropped, state.separation.dropped)
+    copy_record(step.gross, state.separation.gross)
+    step.level_tail = state.level_tail if state.mode != WHEELS else 1.0
     step.speed_sigma = state.driver.speed_sigma
     step.map_factor = state.map.factor
     step.map_rate = state.map.rate

@@ -279,6 +279,8 @@ def _restore_faults(state: Record, then: Record) -> None:
     state.elsewhere[0] = then.elsewhere[0]
     state.elsewhere[1] = then.elsewhere[1]
     copy_record(state.separation.departure, then.departure)
+    copy_record(state.separation.gross, then.gross)
+    state.level_tail = then.level_tail
     later = state.separation.unmapped.p
     copy_record(state.separation.unmapped, then.unmapped)
     carry_back(state.separation.unmapped, later)
