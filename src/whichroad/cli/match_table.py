@@ -44,7 +44,7 @@ def match_trips(
         DriveError: No trip could be answered.
     """
     from ..batch import match_stream
-    from ..readers.many_trips import zone_note
+    from ..readers.many_trips import own_names, zone_note
     from ..readers.trip_files import dataset_of
     from ..roadmap import open_map
     from ..tables.schema import thinned
@@ -52,7 +52,8 @@ def match_trips(
 
     drive_id, columns = options["drive_id"], options["columns"]
     skipped: list[str] = []
-    data = dataset_of(table, skipped)
+    own, trip = own_names(columns, drive_id)
+    data = dataset_of(table, skipped, own=own, trip=trip)
     for one in skipped:
         typer.echo(f"skipped: {one}", err=True)
     note = zone_note(data, drive_id, columns) if options["tz"] is None else None

@@ -24,13 +24,14 @@ from ..lookback.smoothing import Lag
 from ..places.place_table import read_places
 from ..readers import read_vehicle
 from ..readers.dates import Writing
-from ..readers.many_trips import own_names, zone_note_of
+from ..readers.many_trips import own_names
 from ..readers.names import find
 from ..readers.ordered_trips import ordered_batches
 from ..readers.reading import Reading
 from ..readers.splitting import seconds_of
 from ..readers.table_units import open_columns
 from ..readers.trip_units import KnownUnits, first_units
+from ..readers.zone_notes import zone_note_of
 from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
 from ..roadmap.store import is_compiled
 from ..sensors import Sensor
@@ -38,6 +39,7 @@ from ..settings import Settings, Vehicle
 from . import manifest
 from .bad_trips import write_bad
 from .inputs import Inputs, check_readable, inputs_of
+from .sources import can_stay
 from .staging import stage
 from .work import NOTHING, Done, Task, done_before, run_unit, sweep
 from .work_units import UNIT_ROWS, Unit, batches_of, plan, rows_of
@@ -237,17 +239,17 @@ def _units(
         return held
     own = task.own_columns()
     check_readable(inputs)
-    if now["order"] == "sorted" and inputs.is_parquet:
+    if now["order"] == "sorted" and can_stay(inputs, task.trip_id, own):
         files = [path.resolve() for path in inputs.files["parquet"]]
     else:
-        text = json.dumps([now["inputs"], now["trip_id"], now["order"], own])
+        text = json.dumps([now["inputs"], now["trip_id"], now["order"], own, task.tz, now["crs"]])
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
         staged = folder.resolve() / _WORK / f"rows-{key}.parquet"
         if not staged.exists():
             ordered = now["order"] == "sorted"
             stage(
                 inputs, staged, task.trip_id, ordered=ordered, memory=memory, threads=threads,
-                own=own,
+                own=own, tz=task.tz, crs=task.crs,
             )  # fmt: skip
         files = [staged]
     if held:
@@ -266,7 +268,8 @@ def _zone_note(task: Task, waiting: list[Unit]) -> str | None:
     if task.tz is not None or not waiting:
         return None
     own = task.own_columns()
-    return zone_note_of(batches_of(waiting[0], task.trip_id, own), own)
+    rows = (batch for unit in waiting for batch in batches_of(unit, task.trip_id, own))
+    return zone_note_of(rows, own)
 
 
 def _column_units(task: Task, units: list[Unit]) -> KnownUnits:

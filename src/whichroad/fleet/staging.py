@@ -3,27 +3,26 @@
 Files that are in order but cannot be read by parts (CSV, Arrow, queries) are copied as they are.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import timedelta, tzinfo
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 from ..errors import ReadError, SettingError, first_line
-from ..readers.names import find, normal
+from ..readers.dates import zone_of
 from ..readers.trip_files import unreadable
-from .inputs import Inputs, Used, schema_of, used_columns
+from .inputs import Inputs, Used, used_columns
+from .sources import CSV, ZONED, Reader, quoted, text, union_of
 
-_LOCAL = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?"
-_ZONED = _LOCAL + r"(Z|[+-]\d\d(:?\d\d)?)"
-_SAMPLE = 10_000  # rows of which the times are looked at
 _GROUP = 65_536  # rows
-_OPTIONS = "union_by_name=true, auto_type_candidates=['BIGINT', 'DOUBLE', 'VARCHAR']"  # of CSV
 _SORTABLE = ("TIMESTAMP", "BIGINT", "INTEGER", "DOUBLE", "FLOAT", "DECIMAL", "UBIGINT", "HUGEINT")
 
 
 def stage(
     inputs: Inputs, target: Path, trip_id: str, *, ordered: bool, memory: str, threads: int,
-    own: Mapping[str, str | int],
+    own: Mapping[str, str | int], tz: str | None = None, crs: Any = None,
 ) -> Used:  # fmt: skip
     """Write the used columns of all inputs to one Parquet file.
 
@@ -35,6 +34,8 @@ def stage(
         memory: Limit of the sort, such as 256MB.
         threads: Of DuckDB.
         own: Own names of columns, and those that further sensors read.
+        tz: Zone of times that name none; None: UTC.
+        crs: Reference system of geometries that name none.
 
     Raises:
         ReadError: An input cannot be read, or lacks columns.
@@ -42,36 +43,57 @@ def stage(
     """
     connected, texts = _connection(target.parent, memory, threads), inputs.files.get("csv", ())
     with connected as con, _named(con, texts):
-        return _staged(con, inputs, target, trip_id, ordered=ordered, own=own)
+        reader = Reader(lambda query: _run(con, query), con, target.parent, trip_id, own, crs)
+        return _staged(reader, inputs, target, zone_of(tz), ordered=ordered)
 
 
 def _staged(
-    con: Any, inputs: Inputs, target: Path, trip_id: str, *, ordered: bool,
-    own: Mapping[str, str | int],
-) -> Used:  # fmt: skip
+    reader: Reader, inputs: Inputs, target: Path, zone: tzinfo | None, *, ordered: bool
+) -> Used:
     """As `stage`, on a connection."""
-    sources = [_source(con, inputs, kind, trip_id, own) for kind in inputs.files]
-    sources += [f"SELECT * FROM ({query})" for query in inputs.queries]
-    union = " UNION ALL BY NAME ".join(sources)
-    kinds = {row[0]: row[1] for row in _run(con, f"DESCRIBE {union}").fetchall()}  # types
-    used = used_columns(kinds, trip_id, "trips", own)
-    wanted = ", ".join(_quoted(name) for name in used.columns)
+    union = union_of(reader.sources(inputs), reader.trip_id, reader.own)
+    kinds = {row[0]: str(row[1]) for row in reader.run(f"DESCRIBE {union}").fetchall()}  # types
+    used = used_columns(kinds, reader.trip_id, "trips", reader.own)
+    wanted = ", ".join(quoted(name) for name in used.columns)
     rows = f"SELECT {wanted} FROM ({union})"
     if not ordered:
-        rows = _sorted_rows(used, kinds, union)
+        rows = _sorted_rows(reader, used, kinds[used.time], union, zone)
     beside = target.with_name(f".{target.name}.part")
-    _run(con, f"COPY ({rows}) TO {_text(beside)} (FORMAT parquet, ROW_GROUP_SIZE {_GROUP})")
+    reader.run(f"COPY ({rows}) TO {text(beside)} (FORMAT parquet, ROW_GROUP_SIZE {_GROUP})")
     beside.replace(target)
     return used
 
 
-def _sorted_rows(used: Used, kinds: dict[str, str], union: str) -> str:
+def _sorted_rows(reader: Reader, used: Used, kind: str, union: str, zone: tzinfo | None) -> str:
     """The query of all rows by trip, time, and where they stood."""
-    trip, time = _quoted(used.trip), _quoted(used.time)
-    wanted = ", ".join(_quoted(name) for name in used.columns)
-    by_time = f"{time}, " if str(kinds[used.time]).startswith(_SORTABLE) else ""
-    numbered = f"SELECT {wanted}, row_number() OVER () AS __row FROM ({union})"
-    return f"SELECT {wanted} FROM ({numbered}) ORDER BY CAST({trip} AS VARCHAR), {by_time}__row"
+    wanted = ", ".join(quoted(name) for name in used.columns)
+    trip, local = f"CAST({quoted(used.trip)} AS VARCHAR)", _local(used, kind)
+    rows = f"SELECT {wanted}, row_number() OVER () AS __row FROM ({union})"
+    nulls = " NULLS FIRST" if kind == "VARCHAR" else ""
+    moment = quoted(used.time) if kind.startswith(_SORTABLE) else "NULL"
+    if kind == "VARCHAR":  # a time that is not understood stays behind the row before it
+        key = f"coalesce({_in_utc(local, zone)}, TRY_CAST({quoted(used.time)} AS TIMESTAMPTZ))"
+        over = f"OVER (PARTITION BY {trip} ORDER BY __row)"
+        rows = f"SELECT *, last_value({key} IGNORE NULLS) {over} AS __time FROM ({rows})"
+        moment = "__time"
+    return f"SELECT {wanted} FROM ({rows}) ORDER BY {trip}, {moment}{nulls}, __row"
+
+
+def _local(used: Used, kind: str) -> str:
+    """The times that name no zone, NULL where they name one or are numbers."""
+    time = quoted(used.time)
+    if kind == "VARCHAR":
+        return f"IF(regexp_full_match({time}, '{ZONED}'), NULL, TRY_CAST({time} AS TIMESTAMP))"
+    naive = kind.startswith("TIMESTAMP") and "TZ" not in kind and "ZONE" not in kind
+    return f"CAST({time} AS TIMESTAMP)" if naive else "CAST(NULL AS TIMESTAMP)"
+
+
+def _in_utc(local: str, zone: tzinfo | None) -> str:
+    """Times on the clocks of a zone as moments."""
+    if isinstance(zone, ZoneInfo):
+        return f"timezone({text(zone.key)}, {local})"
+    offset = (zone and zone.utcoffset(None)) or timedelta()
+    return f"timezone('UTC', {local} - to_seconds({offset.total_seconds()}))"
 
 
 @contextmanager
@@ -90,6 +112,7 @@ def _connection(folder: Path, memory: str, threads: int) -> Iterator[Any]:
             config={"memory_limit": memory, "temp_directory": str(spill), "threads": threads}
         )
         con.execute("SET enable_progress_bar = false")
+        con.execute("SET TimeZone = 'UTC'")  # that of the machine decides nothing
     except duckdb.Error as error:
         raise SettingError(f"memory is {memory!r}; a size such as 256MB was expected") from error
     try:
@@ -132,64 +155,9 @@ def _named(con: Any, paths: Sequence[Path]) -> Iterator[None]:
         unread = []
         for path in paths:
             try:
-                con.execute(f"SELECT count(*) FROM read_csv([{_text(path)}], {_OPTIONS})")
+                con.execute(f"SELECT count(*) FROM read_csv([{text(path)}], {CSV})")
             except duckdb.Error as error:
                 unread.append((path, first_line(error)))
         if unread:
             raise ReadError(unreadable(unread)) from None
         raise
-
-
-def _source(con: Any, inputs: Inputs, kind: str, trip_id: str, own: Mapping[str, str | int]) -> str:
-    """The query of all rows of the files of a kind."""
-    paths = inputs.files[kind]
-    names = ", ".join(_text(path) for path in paths)
-    if kind == "csv":
-        return _csv(con, inputs, trip_id, own)
-    if kind == "parquet":
-        columns = schema_of(paths[0], kind).names
-        found = find(columns, _there(own, columns))
-        if {"lat", "lon"} <= found.keys() or "geometry" not in found:
-            return f"SELECT * FROM read_parquet([{names}], union_by_name=true)"
-    import pyarrow.dataset as ds
-
-    con.register(f"files_{kind}", ds.dataset([str(path) for path in paths], format=kind))
-    return f"SELECT * FROM files_{kind}"
-
-
-def _there(own: Mapping[str, str | int], names: Iterable[str]) -> dict[str, str | int]:
-    """Those own names whose columns this table has: a union may have others."""
-    there = {normal(name) for name in names}
-    return {alias: column for alias, column in own.items() if normal(str(column)) in there}
-
-
-def _csv(con: Any, inputs: Inputs, trip_id: str, own: Mapping[str, str | int]) -> str:
-    """The query of CSV files: trips stay text, times are read only where they are ISO 8601."""
-    paths = inputs.files["csv"]
-    names = ", ".join(_text(path) for path in paths)
-    options = _OPTIONS
-    seen = _run(con, f"DESCRIBE SELECT * FROM read_csv([{names}], {options})").fetchall()
-    kinds = {row[0]: row[1] for row in seen}
-    others = inputs.queries or len(inputs.files) > 1
-    own = _there(own, kinds) if others else own
-    used = used_columns(kinds, trip_id, str(paths[0]), own)
-    options += f", types={{{_text(used.trip)}: 'VARCHAR'}}"
-    rows = f"read_csv([{names}], {options})"
-    time = _quoted(used.time)
-    if kinds[used.time] == "VARCHAR":
-        few = f"SELECT {time} AS t FROM {rows} LIMIT {_SAMPLE}"
-        for form, kind in ((_ZONED, "TIMESTAMPTZ"), (_LOCAL, "TIMESTAMP")):
-            test = f"SELECT bool_and(t IS NULL OR regexp_full_match(t, '{form}')) FROM ({few})"
-            if _run(con, test).fetchone()[0]:
-                moment = f"TRY_CAST({time} AS {kind})"
-                moment = f"CASE WHEN regexp_full_match({time}, '{form}') THEN {moment} END"
-                return f"SELECT * REPLACE ({moment} AS {time}) FROM {rows}"
-    return f"SELECT * FROM {rows}"
-
-
-def _text(value: Any) -> str:
-    return "'" + str(value).replace("'", "''") + "'"
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"'

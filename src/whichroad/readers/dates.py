@@ -28,7 +28,7 @@ DAY = 86_400.0  # s
 _NAMED = ("UTC", "GMT", "]")
 _ZONE = re.compile(r"(?<=\d)\s*(?:UTC|GMT)$|(?:(?<=[+-]\d\d:\d\d)|(?<=Z))\[[^\[\]]*\]$")
 _ISO = re.compile(r"\s*\d{4}[-/]\d\d?[-/]\d\d?(?:$|[T ]\s*\d\d?(?!.*[apAP]\.?[mM]))")
-_HAS_ZONE = re.compile(r"(?:Z|UTC|GMT|\]|:?\d\d[+-]\d\d(?::?\d\d)?|\d[+-]\d\d:?\d\d)\s*$")
+HAS_ZONE = re.compile(r"(?:Z|UTC|GMT|\]|:?\d\d[+-]\d\d(?::?\d\d)?|\d[+-]\d\d:?\d\d)\s*$")
 _CLOCK = (
     r"(?P<H>\d{1,2}):(?P<M>\d\d)(?::(?P<S>\d\d)(?:[.,](?P<f>\d+))?)?\s*(?P<ap>[AaPp]\.?[Mm]\.?)?"
 )
@@ -129,7 +129,7 @@ def iso_seconds(cells: Sequence[str | None], zone: tzinfo | None = None) -> Arra
     plain = [cell.replace("/", "-").replace(",", ".") if cell else None for cell in cells]
     seconds = _of_column(plain)
     if zone is not None:
-        local = np.array([bool(cell) and not _HAS_ZONE.search(cell or "") for cell in cells], bool)
+        local = np.array([bool(cell) and not HAS_ZONE.search(cell or "") for cell in cells], bool)
         seconds[local] = to_utc(seconds[local], zone)
     return plausible(seconds)
 
@@ -184,7 +184,7 @@ def of_texts(cells: Sequence[str | None], written: Writing, where: str) -> Momen
     if dated:
         if all(len(cell.strip()) <= len("2026-03-28") for cell in filled):
             return None  # dates without a time of day
-        zoneless = any(not _HAS_ZONE.search(cell) for cell in dated)
+        zoneless = any(not HAS_ZONE.search(cell) for cell in dated)
         read = Moments(iso_seconds(cells, written.zone), zoneless)
         return _with_other_dates(read, cells, written, where)
     found = [_match(cell) for cell in cells]

@@ -1,6 +1,8 @@
 """Places out of geometries and out of coordinates in a plane, as longitude and latitude."""
 
 import json
+import threading
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +35,7 @@ def places_of(table: "pa.Table", column: Column, crs: Any, where: str) -> tuple[
         ReadError: The points cannot be read, or are no degrees although no system is known.
     """
     field = table.schema.field(column.place)
-    own = _system(table.schema.metadata or {}, field)
+    own = system_of(table.schema.metadata or {}, field)
     x, y = _points(table.column(column.place), where)
     known = np.isfinite(x) & np.isfinite(y)
     if own is _UNSAID or own is None:
@@ -50,7 +52,7 @@ def places_of(table: "pa.Table", column: Column, crs: Any, where: str) -> tuple[
     return x, y
 
 
-def _system(metadata: dict[bytes, bytes], field: "pa.Field") -> Any:
+def system_of(metadata: dict[bytes, bytes], field: "pa.Field") -> Any:
     """The reference system that a GeoParquet or GeoArrow column names."""
     try:
         geo = json.loads(metadata.get(b"geo", b"{}"))
@@ -106,8 +108,8 @@ def unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
     import pyproj
 
     try:
-        transformer = pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
-        lon, lat = transformer.transform(x, y)
+        told = json.dumps(crs) if isinstance(crs, dict) else crs
+        lon, lat = _transformer(told, threading.get_ident()).transform(x, y)
     except (pyproj.exceptions.ProjError, TypeError, ValueError):
         shown = crs if isinstance(crs, str | int) else "of the file"
         raise ReadError(
@@ -117,6 +119,14 @@ def unproject(x: Array, y: Array, crs: Any, where: str) -> tuple[Array, Array]:
     known = np.isfinite(x) & np.isfinite(y)
     # pyproj returns infinity for what lies outside its grid, and for NaN
     return np.where(known, lon, np.nan), np.where(known, lat, np.nan)
+
+
+@lru_cache(maxsize=32)  # of many files each has its own
+def _transformer(crs: Any, thread: int) -> Any:
+    """From a reference system to degrees; two threads share none."""
+    import pyproj
+
+    return pyproj.Transformer.from_crs(crs, 4326, always_xy=True)
 
 
 def said_of_degrees(lat: Array, lon: Array) -> str:

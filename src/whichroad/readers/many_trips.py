@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import ReadError
-from .arrow_columns import decoded, is_zoneless, texts
+from .arrow_columns import decoded, texts
 from .checks import listed
 from .csv_text import no_column
 from .dates import UNSAID, Writing, taken_as_utc
+from .mixed_files import MixedFiles
 from .names import NAMES, Column, find, quantity_of
 from .reading import Reading, check_one, own_columns
 from .splitting import split_trips
@@ -24,6 +25,7 @@ from .table_drives import paired
 from .table_units import Units
 from .tables_in_memory import are_rows, flattened, in_memory, refuse_without_rows, rows_as_columns
 from .trip_files import batches_in, dataset_of, in_batches, is_dataset, is_partitioned, is_scanner
+from .zone_notes import zone_note_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -117,7 +119,7 @@ def trip_batches(
 
 def _of_path(path: Path, drive_id: str, own: Own = _NONE) -> Iterable[Any]:
     """The batches of a Parquet or Arrow file, or of a folder of Parquet files."""
-    return _of_dataset(dataset_of(path), drive_id, own)
+    return _of_dataset(dataset_of(path, own=own, trip=drive_id), drive_id, own)
 
 
 def _of_dataset(data: Any, drive_id: str, own: Own) -> Iterable[Any]:
@@ -348,20 +350,12 @@ def packed(trips: Iterable[Trip], strict: bool) -> Iterator[TripBatch]:
         yield batch()
 
 
-def zone_note(data: "ds.Dataset", drive_id: str, columns: Own | None) -> str | None:
+def zone_note(data: "ds.Dataset | MixedFiles", drive_id: str, columns: Own | None) -> str | None:
     """What to say of trips whose times name no zone, by the first time; None: nothing."""
+    if isinstance(data, MixedFiles) and data.zoneless:
+        return taken_as_utc(data.zoneless)
     own, drive_id = own_names(columns, drive_id)
     return zone_note_of(_of_dataset(data, drive_id, own), own)
-
-
-def zone_note_of(batches: Iterable[Any], own: Own) -> str | None:
-    """`zone_note` of record batches."""
-    for batch in batches:
-        if batch.num_rows:
-            meaning = find(batch.schema.names, own)["time"]
-            zoneless = is_zoneless(batch.column(meaning.place).slice(0, 1), meaning)
-            return taken_as_utc(meaning.name) if zoneless else None
-    return None
 
 
 def are_many(path: str | PathLike[str], drive_id: str | None = None, columns: Own = _NONE) -> bool:
@@ -382,7 +376,8 @@ def are_many(path: str | PathLike[str], drive_id: str | None = None, columns: Ow
     seen: set[str] = set()
     try:
         own, drive_id = own_names(columns, drive_id or "drive_id")
-        for batch in _of_dataset(dataset_of(path, []), drive_id, own):
+        data = dataset_of(path, [], own=own, trip=drive_id)
+        for batch in _of_dataset(data, drive_id, own):
             found = find(batch.schema.names, own)
             usual = found.get("drive_id") or found.get("vehicle_id")
             name = drive_id if drive_id != "drive_id" else usual and usual.name

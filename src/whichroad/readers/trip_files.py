@@ -1,12 +1,12 @@
 """Files and folders of many trips, and what else comes in batches, as Arrow reads them."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import unquote
 
 from ..errors import ReadError, first_line
 from .checks import listed
+from .mixed_files import MixedFiles, Own, keys_of, layout_of, whole_of, with_trip
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _FILES = {".parquet": "parquet", ".geoparquet": "parquet", ".pq": "parquet", ".arrow": "ipc",
           ".feather": "ipc", ".ipc": "ipc"}  # fmt: skip
 _OTHERS = (".csv", ".csv.gz", ".tsv", ".arrow", ".feather", ".ipc")  # may hold trips, too
+_NONE: Own = {}
 _MOST_NAMED = 10  # files in an error
 
 
@@ -23,7 +24,9 @@ def is_dataset(path: Path) -> bool:
     return path.is_dir() or path.suffix.lower() in _FILES
 
 
-def dataset_of(path: Path, skipped: list[str] | None = None) -> "ds.Dataset":
+def dataset_of(
+    path: Path, skipped: list[str] | None = None, *, own: Own = _NONE, trip: str = "drive_id"
+) -> "ds.Dataset | MixedFiles":
     """A Parquet or Arrow file, or the Parquet files of a folder with all of their columns.
 
     Of a folder whose parts bear values (`trip_id=v1/part.parquet`) these are columns of text.
@@ -32,6 +35,8 @@ def dataset_of(path: Path, skipped: list[str] | None = None) -> "ds.Dataset":
         path: The file or folder.
         skipped: Where to say which files of a folder were left out; None: one that cannot be
             read is an error.
+        own: Own names of columns.
+        trip: The column that names trips; "drive_id": the usual ones.
 
     Raises:
         ReadError: It cannot be read as such.
@@ -53,13 +58,16 @@ def dataset_of(path: Path, skipped: list[str] | None = None) -> "ds.Dataset":
     try:
         if not path.is_dir():
             return ds.dataset(path, format=kind)
-        files, schema = _readable(_parquet_files(path, skipped), skipped)
-        names = dict.fromkeys(name for file in files for name in _keys(file, path))
+        schemas = _readable(_parquet_files(path, skipped), skipped)
+        if are_mixed(schemas, own, trip):
+            return MixedFiles(schemas, kind, own, trip, below=path)
+        schema = joined_schema(schemas.values())
+        names = dict.fromkeys(name for file in schemas for name in keys_of(file, path))
         parts = [pa.field(name, pa.string()) for name in names if name not in schema.names]
         for part in parts:
             schema = schema.append(part)
         return ds.dataset(
-            [str(file) for file in files], schema, format=kind, partition_base_dir=str(path),
+            [str(file) for file in schemas], schema, format=kind, partition_base_dir=str(path),
             partitioning=ds.partitioning(pa.schema(parts), flavor="hive") if parts else None,
         )  # fmt: skip
     except (pa.ArrowException, OSError) as error:
@@ -92,14 +100,29 @@ def _parquet_files(folder: Path, skipped: list[str] | None) -> list[Path]:
     return files
 
 
-def _readable(files: Sequence[Path], skipped: list[str] | None) -> "tuple[list[Path], pa.Schema]":
-    """Those of the Parquet files that can be read, and the columns of all."""
+def are_mixed(schemas: "Mapping[Path, pa.Schema]", own: Own, trip: str) -> bool:
+    """Whether files write times or places in several ways, or name columns differently.
+
+    Raises:
+        ReadError: They cannot be read together.
+    """
+    own = with_trip(own, trip)
+    different: dict[tuple[str, ...], tuple[Path, pa.Schema]] = {}
+    for path, one in schemas.items():
+        key = (str(one.remove_metadata()), str(one.metadata or ""))
+        different.setdefault(key, (path, one))
+    layouts = [layout_of(one, own, str(path)) for path, one in different.values()]
+    return whole_of(layouts, own) is not None
+
+
+def _readable(files: Sequence[Path], skipped: list[str] | None) -> "dict[Path, pa.Schema]":
+    """Those of the Parquet files that can be read, and their columns."""
     schemas, unread = schemas_of(files, "parquet")
     if unread and (skipped is None or not schemas):
         raise ReadError(unreadable(unread))
     if skipped is not None:
         skipped += [f"{path.name}: cannot be read ({why})" for path, why in unread]
-    return list(schemas), _joined(schemas.values())
+    return schemas
 
 
 def schemas_of(
@@ -135,7 +158,7 @@ def unreadable(unread: Sequence[tuple[Path, str]]) -> str:
     return f"{number}{named}{more}; sound files were expected; write them again or take them away"
 
 
-def _joined(schemas: "Iterable[pa.Schema]") -> "pa.Schema":
+def joined_schema(schemas: "Iterable[pa.Schema]") -> "pa.Schema":
     """All columns, those of the first table first; each has a type that holds all of its own."""
     import pyarrow as pa
 
@@ -191,14 +214,6 @@ def _is_sound(fragment: Any, data: "ds.Dataset", columns: list[str]) -> bool:
 def is_partitioned(path: Path) -> bool:
     """Whether folders within a folder bear values."""
     return path.is_dir() and any(part.is_dir() and "=" in part.name for part in path.iterdir())
-
-
-def _keys(file: Path, folder: Path) -> list[str]:
-    """The names of the values that the folders of a file bear, below one folder."""
-    if not file.is_relative_to(folder):
-        return []
-    parents = file.relative_to(folder).parts[:-1]
-    return [unquote(part.partition("=")[0]) for part in parents if "=" in part]
 
 
 def in_batches(source: Any) -> Any:
