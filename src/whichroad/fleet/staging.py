@@ -11,6 +11,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 from ..errors import ReadError, SettingError, first_line
+from ..readers.clock_change import shown_twice
 from ..readers.dates import zone_of
 from ..readers.trip_files import unreadable
 from .inputs import Inputs, Used, used_columns
@@ -76,6 +77,9 @@ def _sorted_rows(reader: Reader, used: Used, kind: str, union: str, zone: tzinfo
         over = f"OVER (PARTITION BY {trip} ORDER BY __row)"
         rows = f"SELECT *, last_value({key} IGNORE NULLS) {over} AS __time FROM ({rows})"
         moment = "__time"
+    kept = _in_their_order(reader, f"SELECT {trip} AS trip, {local} AS time FROM ({union})", zone)
+    if kept:
+        moment = f"IF({trip} IN ({', '.join(map(text, kept))}), NULL, {moment})"
     return f"SELECT {wanted} FROM ({rows}) ORDER BY {trip}, {moment}{nulls}, __row"
 
 
@@ -94,6 +98,29 @@ def _in_utc(local: str, zone: tzinfo | None) -> str:
         return f"timezone({text(zone.key)}, {local})"
     offset = (zone and zone.utcoffset(None)) or timedelta()
     return f"timezone('UTC', {local} - to_seconds({offset.total_seconds()}))"
+
+
+def _in_their_order(reader: Reader, rows: str, zone: tzinfo | None) -> list[str]:
+    """Trips during which clocks go back, and whose rows lie in the order in which they were driven.
+
+    Their times step back once, by an hour at most.
+    """
+    if not isinstance(zone, ZoneInfo):
+        return []
+    ends = f"SELECT epoch(min(time)), epoch(max(time)) FROM ({rows})"
+    low, high = reader.run(ends).fetchone()
+    hours = [] if low is None else shown_twice(low, high, zone)
+    if not hours:
+        return []
+    within = " OR ".join(f"epoch(time) >= {begin} AND epoch(time) < {end}" for begin, end in hours)
+    step = "epoch(time) - lag(epoch(time)) OVER (PARTITION BY trip ORDER BY row)"
+    numbered = f"SELECT *, row_number() OVER () AS row FROM ({rows})"
+    found = reader.run(
+        f"SELECT trip FROM (SELECT trip, {step} AS step FROM ({numbered}) WHERE trip IN "
+        f"(SELECT trip FROM ({rows}) WHERE {within})) GROUP BY trip "
+        "HAVING count(*) FILTER (step < 0) = 1 AND min(step) >= -3600"
+    )
+    return [row[0] for row in found.fetchall()]
 
 
 @contextmanager

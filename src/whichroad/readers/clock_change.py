@@ -7,13 +7,14 @@ ends, all are of that side.  A time that is never shown is read by clocks not ye
 
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta, timezone, tzinfo
+from itertools import pairwise
 
 import numpy as np
 
 from ..observations import Array
 from ..wording import counted
 from .checks import Bools, Ints, as_time_passes
-from .dates import LATEST
+from .dates import DAY, LATEST
 from .drive_columns import Columns
 from .table_drives import Trip
 
@@ -88,6 +89,25 @@ def clock_changes(time: Array, zone: tzinfo | None) -> Array | None:
     result = np.zeros(len(time))
     result[known] = sizes[which]
     return result if sizes.any() else None
+
+
+def shown_twice(low: float, high: float, zone: tzinfo) -> list[tuple[float, float]]:
+    """First and last of each hour that clocks show twice between two local times, all in s."""
+    found = []
+    days = range(int(max(low, 0.0) // DAY) - 1, int(min(high, LATEST) // DAY) + 2)
+    for before, after in pairwise(day * DAY for day in days):
+        size = _offset(before, zone) - _offset(after, zone)
+        if size > 0.0:
+            first, last = before, after
+            while last - first > 1.0:
+                middle = (first + last) // 2
+                if _offset(middle, zone) == _offset(before, zone):
+                    first = middle
+                else:
+                    last = middle
+            end = last + _offset(before, zone)
+            found.append((end - size, end))
+    return [hour for hour in found if low < hour[1] and hour[0] <= high]
 
 
 def _offset(seconds: float, zone: tzinfo) -> float:
