@@ -1,5 +1,6 @@
 """Times of a fleet: of an hour that clocks show twice, and in several forms in one column."""
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pytest
@@ -54,3 +55,46 @@ def test_hours_that_clocks_show_twice():
     assert len(shown_twice(day, day + 3.2e8, berlin)) == 11
     half = shown_twice(day - 3e7, day, zone_of("Australia/Lord_Howe"))
     assert [end - begin for begin, end in half] == [1800.0]
+
+
+FORMS = {
+    "zone": "%Y-%m-%dT%H:%M:%SZ",
+    "iso": "%Y-%m-%d %H:%M:%S",
+    "german": "%d.%m.%Y %H:%M:%S",
+}
+
+
+@pytest.mark.parametrize(
+    ("first", "then"),
+    [("zone", "iso"), ("iso", "zone"), ("zone", "number"), ("iso", "german"), ("german", "zone")],
+)
+@pytest.mark.parametrize("files", [1, 2])
+def test_another_form_of_time_behind_many_rows_of_csv(tmp_path, town, first, then, files):
+    table = trips(1.7e9, range(140))
+    assert len(table) == 140 * 79
+    usual = match_many(table, town).path.to_pandas()
+    last = np.arange(len(table)) >= 131 * 79 + 40  # from the middle of a trip on
+    written = table["time"].dt.strftime(FORMS[first])
+    later = table["time"].astype("datetime64[s, UTC]")
+    other = (
+        later.astype("int64").astype(str) if then == "number" else later.dt.strftime(FORMS[then])
+    )
+    table["time"] = np.where(last, other, written)
+    for k, part in enumerate((table[~last], table[last])):
+        part.to_csv(tmp_path / f"{k}.csv", index=False)
+    if files == 1:
+        for old in ("0.csv", "1.csv"):
+            (tmp_path / old).unlink()
+        table.to_csv(tmp_path / "t.csv", index=False)
+    check_same(by_fleet(f"{tmp_path}/*.csv", town, tmp_path / "out"), usual)
+
+
+def test_a_cell_that_is_no_time_does_not_lose_the_others(tmp_path, town):
+    table = trips(1.7e9, range(140))
+    usual = match_many(table, town).path.to_pandas()
+    table["time"] = table["time"].dt.strftime(FORMS["zone"])
+    rows = [table.iloc[[-1]].assign(time=bad) for bad in ("n/a", "2026-13-45 10:00:00")]
+    pd.concat([table, *rows]).sample(frac=1.0, random_state=1).to_csv(
+        tmp_path / "t.csv", index=False
+    )
+    check_same(by_fleet(tmp_path / "t.csv", town, tmp_path / "out"), usual)

@@ -20,6 +20,7 @@ from .inputs import Inputs, used_columns
 
 LOCAL = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?"
 ZONED = LOCAL + r"(Z|[+-]\d\d(:?\d\d)?)"
+OTHER_FORM = "whichroad: a time of another form"  # an error of a query
 _SAMPLE = 10_000  # rows of which the times are looked at
 CSV = "union_by_name=true, auto_type_candidates=['BIGINT', 'DOUBLE', 'VARCHAR']"  # options
 _HEADER = 1 << 16  # bytes, at most
@@ -48,6 +49,7 @@ class Reader(NamedTuple):
     trip_id: str
     own: Mapping[str, str | int]  # own names of columns, and those that further sensors read
     crs: Any = None  # of geometries that name none
+    as_text: bool = False  # times of CSV stay text
 
     def sources(self, inputs: Inputs) -> list[Source]:
         """One for each way in which files are read, and one for each query."""
@@ -107,13 +109,12 @@ class Reader(NamedTuple):
         options += f", types={{{text(used.trip)}: 'VARCHAR'}}"
         rows = f"read_csv([{_all(paths)}], {options})"
         time = quoted(used.time)
-        if kinds[used.time] == "VARCHAR":
+        if kinds[used.time] == "VARCHAR" and not self.as_text:
             few = f"SELECT {time} AS t FROM {rows} LIMIT {_SAMPLE}"
             for form, kind in ((ZONED, "TIMESTAMPTZ"), (LOCAL, "TIMESTAMP")):
                 test = f"SELECT bool_and(t IS NULL OR regexp_full_match(t, '{form}')) FROM ({few})"
                 if self.run(test).fetchone()[0]:
-                    moment = f"TRY_CAST({time} AS {kind})"
-                    moment = f"IF(regexp_full_match({time}, '{form}'), {moment}, NULL)"
+                    moment = _moment(time, form, kind)
                     return f"SELECT * REPLACE ({moment} AS {time}) FROM {rows}"
         return f"SELECT * FROM {rows}"
 
@@ -166,6 +167,13 @@ def _alike(source: Source, layout: Layout, whole: Whole) -> str:
     cells |= {name: quoted(name) for name in source.kinds if name not in gone | cells.keys()}
     columns = ", ".join(f"{cell} AS {quoted(name)}" for name, cell in cells.items())
     return f"SELECT {columns} FROM ({source.query})"
+
+
+def _moment(time: str, form: str, kind: str) -> str:
+    """Times of a form as moments; another form is an error of the query."""
+    moment = f"IF(regexp_full_match({time}, '{form}'), TRY_CAST({time} AS {kind}), NULL)"
+    other = f"CAST(error('{OTHER_FORM}') AS {kind})"
+    return f"CASE WHEN {time} IS NULL OR {moment} IS NOT NULL THEN {moment} ELSE {other} END"
 
 
 def _by_header(paths: Sequence[Path]) -> list[list[Path]]:

@@ -15,7 +15,7 @@ from ..readers.clock_change import shown_twice
 from ..readers.dates import zone_of
 from ..readers.trip_files import unreadable
 from .inputs import Inputs, Used, used_columns
-from .sources import CSV, ZONED, Reader, quoted, text, union_of
+from .sources import CSV, OTHER_FORM, ZONED, Reader, quoted, text, union_of
 
 _GROUP = 65_536  # rows
 _SORTABLE = ("TIMESTAMP", "BIGINT", "INTEGER", "DOUBLE", "FLOAT", "DECIMAL", "UBIGINT", "HUGEINT")
@@ -45,7 +45,12 @@ def stage(
     connected, texts = _connection(target.parent, memory, threads), inputs.files.get("csv", ())
     with connected as con, _named(con, texts):
         reader = Reader(lambda query: _run(con, query), con, target.parent, trip_id, own, crs)
-        return _staged(reader, inputs, target, zone_of(tz), ordered=ordered)
+        try:
+            return _staged(reader, inputs, target, zone_of(tz), ordered=ordered)
+        except ReadError as error:
+            if OTHER_FORM not in str(error):
+                raise
+        return _staged(reader._replace(as_text=True), inputs, target, zone_of(tz), ordered=ordered)
 
 
 def _staged(
