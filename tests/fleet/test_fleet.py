@@ -10,6 +10,7 @@ import time
 import uuid
 from pathlib import Path
 
+import duckdb
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -25,6 +26,7 @@ from whichroad.batch import match_many
 from whichroad.cli import app
 from whichroad.errors import DriveError, ReadError, SettingError, WriteError
 from whichroad.fleet import run_fleet
+from whichroad.fleet.staging import _run
 from whichroad.readers import many_trips
 from whichroad.tables.schema import DRIVES, PATH, SLIM
 
@@ -246,6 +248,7 @@ import sys
 import duckdb, pandas, pyarrow.dataset, pyproj
 import whichroad.fleet.work
 from whichroad.fleet import run_fleet
+from whichroad.fleet.staging import _run
 
 for workers in sys.stdin:
     run = os.fork()
@@ -304,6 +307,51 @@ def test_a_run_that_is_killed_goes_on_and_gives_the_same_bytes(tmp_path, town, t
         assert (cut / file).read_bytes() == (tmp_path / "whole" / file).read_bytes()
     left = [p for p in cut.rglob("*") if p.is_file()]
     assert len([p for p in left if not p.name.startswith(".")]) == len(files) + 1  # the manifest
+
+
+def test_files_that_came_went_or_are_others_are_named(tmp_path, town, table):
+    lake = tmp_path / "a lake whose path is longer than sixty characters of a message"
+    lake.mkdir()
+    for k in range(9):
+        pq.write_table(table.slice(79 * k, 79), lake / f"{k}.parquet")
+    run_fleet(lake, town, tmp_path / "out", workers=1)
+    pq.write_table(table.slice(0, 10), lake / "3.parquet")
+    (lake / "4.parquet").unlink()
+    pq.write_table(table.slice(79 * 9, 79), lake / "9.parquet")
+    said = r"added: \S.*/9\.parquet; removed: \S.*/4\.parquet; changed: \S.*/3\.parquet\); the"
+    with pytest.raises(WriteError, match=said):
+        run_fleet(lake, town, tmp_path / "out", resume=True)
+    for k in range(10):
+        pq.write_table(table.slice(0, 5), lake / f"{k}.parquet")
+    with pytest.raises(WriteError, match=r"/4\.parquet, and 4 more\)"):
+        run_fleet(lake, town, tmp_path / "out", resume=True)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_disk_that_is_full_is_said_to_be(tmp_path):
+    with pytest.raises(
+        WriteError, match=r"the disk is full .*No space left.*choose another folder"
+    ):
+        _run(duckdb.connect(), "COPY (SELECT 1) TO '/dev/full' (FORMAT parquet)", tmp_path)
+    config = {"memory_limit": "32MB", "max_temp_directory_size": "1MB", "threads": 1}
+    con = duckdb.connect(config={**config, "temp_directory": str(tmp_path / "spill")})
+    rows = "SELECT random() AS a, repeat('x', 99) || random() AS b FROM range(1000000)"
+    with pytest.raises(WriteError, match=f"{tmp_path}: the disk is full"):
+        _run(con, f"COPY (SELECT * FROM ({rows}) ORDER BY a) TO '{tmp_path}/t.parquet'", tmp_path)
+
+
+def test_a_name_that_is_used_again_after_days_is_noted(tmp_path, town):
+    def notes(later: float, **options) -> list[list[str]]:
+        names = ["a", "b", "c"]
+        rows = [trip(name, k, 1.6e9 + 7 * k, k) for k, name in enumerate(names)]
+        rows.append(trip("b", 3, 1.6e9 + later, 3))
+        return match_many(pa.concat_tables(rows), town, **options).drives["notes"].to_pylist()
+
+    said = "rows of several trips may bear this name; --split (split=) cuts them"
+    assert notes(20 * 3600.0) == [[], [f"pause of 20 h: {said}"], []]
+    assert notes(40 * 86_400.0) == [[], [f"pause of 40 days: {said}"], []]
+    assert notes(3600.0) == [[], [], []]
+    assert notes(40 * 86_400.0, split="5min") == [[], [], [], []]
 
 
 def test_a_run_goes_on_only_as_it_began(tmp_path, town, table):

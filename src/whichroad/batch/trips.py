@@ -28,7 +28,7 @@ from ..readers.dates import Writing
 from ..readers.many_trips import APART, TripBatch
 from ..readers.reading import Reading
 from ..readers.regular_trips import batched_fixes
-from ..readers.splitting import STANDING
+from ..readers.splitting import STANDING, with_pauses
 from ..recorded import localize_recorded
 from ..roadmap import RoadMap
 from ..sensors import Sensor
@@ -393,7 +393,7 @@ def _drive_rows(answer: _Answer) -> pa.Table:
         "reason": pa.array(["no epoch could be matched"] * d, mask=answered),
         "fixes_outside_map": answer.outside,
         "skipped": [list(skipped.items()) for skipped in answer.skipped],
-        "notes": [list(notes) for notes in answer.notes],
+        "notes": with_pauses(answer.notes, batch.epochs["time"], batch.first),
     }
     return pa.Table.from_arrays(
         [pa.array(columns[field.name], field.type) for field in DRIVES], schema=DRIVES

@@ -15,6 +15,7 @@ from .work import SCHEMA_VERSION, Task
 from .work_units import Piece, Unit
 
 NAME = "manifest.json"
+_MOST = 5  # files of each kind that are named
 
 
 def asked(task: Task, inputs: Inputs, order: str, identity: dict[str, Any]) -> dict[str, Any]:
@@ -100,11 +101,31 @@ def check_same(out: Path, held: dict[str, Any], now: dict[str, Any]) -> None:
     differs = [name for name in now if held.get(name) != now[name]]
     if differs:
         one = differs[0]
+        before = held.get(one)
+        said = (
+            _changed(before, now[one]) if one == "inputs" and isinstance(before, list)
+            else f"{one}: {_short(before)}, now {_short(now[one])}"
+        )  # fmt: skip
         raise WriteError(
-            f"{out}: its run was asked for with other {', '.join(differs)} "
-            f"({one}: {_short(held.get(one))}, now {_short(now[one])}); the same was expected by "
-            "--resume; give the same again, or another folder"
+            f"{out}: its run was asked for with other {', '.join(differs)} ({said}); the same was "
+            "expected by --resume; give the same again, or another folder"
         )
+
+
+def _changed(before: list[list[Any]], now: list[list[Any]]) -> str:
+    """Which files and queries came, went, or are others, by their stamps."""
+    old, new = ({one[0]: one[1:] for one in stamps} for stamps in (before, now))
+    kinds = {
+        "added": [name for name in new if name not in old],
+        "removed": [name for name in old if name not in new],
+        "changed": [name for name in new if name in old and old[name] != new[name]],
+    }
+    return "; ".join(f"{kind}: {_named(names)}" for kind, names in kinds.items() if names)
+
+
+def _named(names: list[str]) -> str:
+    more = f", and {len(names) - _MOST:,} more" if len(names) > _MOST else ""
+    return ", ".join(names[:_MOST]) + more
 
 
 def _short(value: Any) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..errors import WriteError, first_line
 from ..readers.mixed_files import (
     Layout,
     MixedFiles,
@@ -95,9 +96,15 @@ class Reader(NamedTuple):
         own = there(self.own, names)
         columns = used_columns(names, self.trip_id, str(files.first), own).columns
         schema = pa.schema([files.schema.field(name) for name in columns])
-        with pq.ParquetWriter(path, schema, compression="zstd") as file:
-            for batch in files.to_batches(columns):
-                file.write_batch(batch)
+        try:
+            with pq.ParquetWriter(path, schema, compression="zstd") as file:
+                for batch in files.to_batches(columns):
+                    file.write_batch(batch)
+        except OSError as error:
+            raise WriteError(
+                f"{path}: cannot be written ({first_line(error)}); a folder with space for all "
+                "rows was expected; make space, or choose another by -o"
+            ) from None
         return path
 
     def _csv(self, paths: Sequence[Path], *, alone: bool) -> str:

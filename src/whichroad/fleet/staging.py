@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo
 
-from ..errors import ReadError, SettingError, first_line
+from ..errors import ReadError, SettingError, WriteError, first_line
 from ..readers.clock_change import shown_twice
 from ..readers.dates import zone_of
 from ..readers.trip_files import unreadable
@@ -18,6 +18,7 @@ from .inputs import Inputs, Used, used_columns
 from .sources import CSV, OTHER_FORM, ZONED, Reader, quoted, text, union_of
 
 _GROUP = 65_536  # rows
+_FULL = ("No space left on device", "max_temp_directory_size", "Disk quota exceeded")
 _SORTABLE = ("TIMESTAMP", "BIGINT", "INTEGER", "DOUBLE", "FLOAT", "DECIMAL", "UBIGINT", "HUGEINT")
 
 
@@ -41,10 +42,13 @@ def stage(
     Raises:
         ReadError: An input cannot be read, or lacks columns.
         SettingError: DuckDB is not installed, or the limit is none.
+        WriteError: The disk of the target is full.
     """
     connected, texts = _connection(target.parent, memory, threads), inputs.files.get("csv", ())
     with connected as con, _named(con, texts):
-        reader = Reader(lambda query: _run(con, query), con, target.parent, trip_id, own, crs)
+        reader = Reader(
+            lambda query: _run(con, query, target.parent), con, target.parent, trip_id, own, crs
+        )
         try:
             return _staged(reader, inputs, target, zone_of(tz), ordered=ordered)
         except ReadError as error:
@@ -153,11 +157,12 @@ def _connection(folder: Path, memory: str, threads: int) -> Iterator[Any]:
         con.close()
 
 
-def _run(con: Any, query: str) -> Any:
+def _run(con: Any, query: str, folder: Path = Path()) -> Any:
     """The answer to a query.
 
     Raises:
         ReadError: DuckDB refuses it.
+        WriteError: The disk of the folder is full.
     """
     import duckdb
 
@@ -169,6 +174,12 @@ def _run(con: Any, query: str) -> Any:
         raise
     except duckdb.Error as error:
         reason = str(error).splitlines()[0]
+        if any(word in str(error) for word in _FULL):
+            raise WriteError(
+                f"{folder}: the disk is full ({reason}); space for all rows that are sorted was "
+                "expected, and as much again for what --memory does not hold; make space, or "
+                "choose another folder by -o"
+            ) from None
         raise ReadError(f"trips: DuckDB cannot read them ({reason}); check files, query") from None
 
 

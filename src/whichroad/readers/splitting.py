@@ -6,7 +6,7 @@ are the same whatever engine brought the rows together.
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -19,7 +19,7 @@ from ..observations import Array
 from .arrow_columns import numbers, times
 from .checks import Ints
 from .clock_change import clock_changes, put_rows_apart
-from .dates import UNSAID, Writing
+from .dates import DAY, UNSAID, Writing
 from .names import Column, find
 from .reported_fixes import is_place
 from .units_by_places import distances, reachable
@@ -31,6 +31,7 @@ STANDING = "fixes while standing between trips"
 _STAY = 60.0  # m from the first fix of a stop, within which all of its fixes lie
 _NEAR = 3.0  # median distances to a stop's middle, within which a fix belongs to it
 _LEAST = 5.0  # m, the same at least
+_LONG = 12 * 3600.0  # s, a pause that a trip hardly has
 _STEPS = 512  # fixes that are looked at in one go
 _UNITS = {"": 1.0, "s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0}
 
@@ -70,6 +71,29 @@ def seconds_of(
             f"{name} is {text!r}; a time such as 5min, 300s or 1h was expected, {use}"
         )
     return seconds
+
+
+def with_pauses(
+    notes: Sequence[Sequence[str]], time: Array, first: Sequence[int]
+) -> list[list[str]]:
+    """The notes on trips, and what is to be said of a pause as between two trips of one name.
+
+    Args:
+        notes: On each of d trips.
+        time: (n,) s, of the epochs of all.
+        first: (d + 1,) where each begins, and n.
+    """
+    said = [list(own) for own in notes]
+    step = np.diff(time)
+    step[np.array(first[1:-1], np.int64) - 1] = 0.0  # from trip to trip
+    whose = np.searchsorted(first, np.flatnonzero(step > _LONG), "right") - 1
+    for trip in np.unique(whose).tolist():
+        longest = float(step[first[trip] : first[trip + 1] - 1].max())
+        days = f"{longest / DAY:,.0f} days" if longest > 2.0 * DAY else f"{longest / 3600.0:.0f} h"
+        said[trip].append(
+            f"pause of {days}: rows of several trips may bear this name; --split (split=) cuts them"
+        )
+    return said
 
 
 def split_trips(
