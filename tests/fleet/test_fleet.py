@@ -222,6 +222,7 @@ def test_poisoned_trips_are_listed_and_the_others_are_as_they_were(tmp_path, tow
     assert one["reason"] == "78 rows skipped: repeated time; the answer is of 1 fix"
     assert "5 bad trips listed in" in ran.output
     assert "no answer: " in ran.output
+    assert "km of a road; were latitude and longitude swapped?" in ran.output
     good = rows_of(tmp_path / "out", "path")
     good = good.filter(pc.invert(pc.is_in(good["drive_id"], pa.array(["still", "half"]))))
     keys = [("drive_id", "ascending"), ("seq", "ascending")]

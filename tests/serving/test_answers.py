@@ -175,6 +175,45 @@ def test_a_refused_request_has_the_code_of_osrm(town, asked, places, options, co
     assert refused.value.answer["code"] == code
 
 
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (1e3, "milliseconds; divide all by 1,000."),
+        (1e9, "nanoseconds; divide all by 1,000,000,000."),
+    ],
+)
+def test_timestamps_in_other_units_are_named(town, fixes, asked, factor, said):
+    times = ";".join(f"{(1.7e9 + k) * factor:.0f}" for k in range(60))
+    with pytest.raises(
+        AnswerError, match=r"seconds since 1970.*: number 1 is 17\d*, as of"
+    ) as refused:
+        osrm_match(town, asked[0], f"timestamps={times}")
+    assert str(refused.value).endswith(said)
+    assert refused.value.answer["code"] == "InvalidValue"
+
+
+def test_a_timestamp_that_goes_back_or_is_none_is_named(town, asked):
+    times = [str(k) for k in range(60)]
+    times[7] = "3"
+    with pytest.raises(AnswerError, match=r"monotonically increasing: number 8 is 3, after 6\.$"):
+        osrm_match(town, asked[0], "timestamps=" + ";".join(times))
+    times[5] = "nan"
+    with pytest.raises(AnswerError, match=r"one for each coordinate: number 6 is nan\.$"):
+        osrm_match(town, asked[0], "timestamps=" + ";".join(times))
+
+
+def test_latitude_and_longitude_that_seem_swapped_are_named(town, fixes):
+    _, lat, lon = fixes
+    places = ";".join(f"{a:.7f},{b:.7f}" for a, b in zip(lat, lon, strict=True))
+    with pytest.raises(
+        AnswerError, match="seem swapped: longitude,latitude was expected"
+    ) as refused:
+        osrm_match(town, places, "")
+    assert refused.value.answer["code"] == "NoSegment"
+    with pytest.raises(AnswerError, match=r"any coordinate\.$"):
+        osrm_match(town, "1,1;1.001,1", "")
+
+
 def test_routingpy_parses_the_answers_of_valhalla(town, body):
     answer = trace_attributes(town, body)
     json.dumps(answer, allow_nan=False)

@@ -13,6 +13,7 @@ from ..errors import MapError, WhichroadError
 from ..geodesy.angles import wrap_degrees
 from ..observations import Array
 from ..roadmap import RoadMap
+from ..roadmap.extent import are_swapped
 from ..settings import Settings, Vehicle, tuned_by
 from .matched_trace import Matched, Trace, match_trace
 from .osrm_answer import ANNOTATIONS, Options, osrm_answer
@@ -22,6 +23,8 @@ from .valhalla_answer import UNITS, Wish, attributes_answer, route_answer
 
 MOST_POINTS = 16_000  # of one trace, as Valhalla's own limit
 _ONE_TIME = 1e-3  # s, within which all points have one time, which tells nothing
+_LAST = 1e11  # s since 1970, beyond all times
+_UNITS = {3: "milliseconds", 6: "microseconds", 9: "nanoseconds"}
 _COSTINGS = {"auto", "taxi", "bus", "truck", "hov"}
 _MATCHES = ("map_snap", "walk_or_snap", "edge_walk")
 _TAKEN = {  # options of OSRM that are understood and change nothing here
@@ -136,6 +139,8 @@ def _matched(
         away = isinstance(error, MapError)
         if osrm and away:
             text = "Could not find a matching segment for any coordinate."
+            if are_swapped(trace.lat, trace.lon, roads):
+                text += " Latitude and longitude seem swapped: longitude,latitude was expected."
             raise osrm_error("NoSegment", text) from None
         if osrm:
             raise osrm_error("NoMatch", "Could not match the trace.") from None
@@ -209,9 +214,7 @@ def _osrm_options(given: dict[str, str], n: int) -> tuple[Options, Array | None,
             known[name] = _waypoints(value, n)
         elif name == "timestamps":
             time = _numbers(value, n, name)
-            if np.isnan(time).any() or (np.diff(time) < 0.0).any():
-                text = "Timestamps need to be monotonically increasing."
-                raise osrm_error("InvalidValue", text)
+            _check_times(time)
         elif name == "radiuses":
             radius = _numbers(value, n, name)
             if (radius < 0.0).any():
@@ -257,9 +260,29 @@ def _numbers(value: str, n: int, name: str) -> Array:
         numbers = np.array([float(part) if part else math.nan for part in parts])
     except ValueError:
         raise _malformed(len(name)) from None
-    if name == "timestamps" and not (np.abs(numbers) < 1e11).all():
-        raise osrm_error("InvalidValue", "Timestamps need to be monotonically increasing.")
     return numbers
+
+
+def _check_times(time: Array) -> None:
+    """Refuse times that are no seconds since 1970 in order.
+
+    Raises:
+        AnswerError: They are that.
+    """
+    far = ~(np.abs(time) < _LAST)
+    back = np.diff(time, prepend=time[:1]) < 0.0
+    if not (far | back).any():
+        return
+    k = int(np.argmax(far | back))
+    rule, seen = "monotonically increasing", f"number {k + 1} is {time[k]:.19g}"
+    if far[k]:
+        rule = "seconds since 1970, one for each coordinate"
+        power = next((n for n in (3, 6, 9) if _LAST <= abs(time[k]) < _LAST * 10.0**n), None)
+        if power:
+            seen += f", as of {_UNITS[power]}; divide all by {10**power:,}"
+    else:
+        seen += f", after {time[k - 1]:.19g}"
+    raise osrm_error("InvalidValue", f"Timestamps need to be {rule}: {seen}.")
 
 
 # Valhalla's words
@@ -323,7 +346,7 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
     lon = wrap_degrees(lon)
     if not (np.isfinite(lat).all() and np.isfinite(lon).all() and (np.abs(lat) <= 90.0).all()):
         raise ValueError("a place that is none")
-    if time is not None and not (np.isfinite(time).all() and (np.abs(time) < 1e11).all()):
+    if time is not None and not (np.isfinite(time).all() and (np.abs(time) < _LAST).all()):
         raise ValueError("a time that is none")
     if time is not None and ((np.diff(time) < 0.0).any() or np.ptp(time) <= _ONE_TIME):
         time = None  # Valhalla takes points in their order, whatever their times are

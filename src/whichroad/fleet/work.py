@@ -210,8 +210,9 @@ def done_before(task: Task, unit: Unit) -> Done:
 
 
 def kind_of(reason: str, name: str) -> str:
-    """A reason without what is the trip's own: its name and numbers."""
-    text = reason.removeprefix(f"{name}: ").removeprefix("table: ")
-    text = text.split(";")[0]
+    """A reason without the name and numbers of the trip, with the question that names a cause."""
+    parts = reason.removeprefix(f"{name}: ").removeprefix("table: ").split(";")
+    cause = parts[-1].strip()
+    text = f"{parts[0]}; {cause}" if cause.endswith("?") and len(parts) > 1 else parts[0]
     words = ["N" if any(c.isdigit() for c in word) else word for word in text.split()]
     return " ".join(words)

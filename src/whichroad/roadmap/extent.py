@@ -53,6 +53,11 @@ def are_near(
     return near
 
 
+def are_swapped(lat_deg: Array, lon_deg: Array, roads: RoadMap) -> bool:
+    """Whether (n,) places off the map lie on it with latitude and longitude exchanged."""
+    return bool((np.abs(lon_deg) <= 90.0).all() and are_near(lon_deg, lat_deg, roads).all())
+
+
 def fixes_outside(name: str, lat_deg: Array, lon_deg: Array, roads: RoadMap) -> int:
     """How many of a drive's fixes are off the map.
 
