@@ -19,7 +19,7 @@ from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
 from .filter.vetting.latency import LONGEST
 from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
-from .observations import INTERPOLATED, Array, Drive, Fixes, SensorReading, WithGyro
+from .observations import INTERPOLATED, STRAY, Array, Drive, Fixes, SensorReading, WithGyro
 from .sensors.clock_delay import delay_of
 from .sensors.filled_gaps import filled_gaps
 from .sensors.gnss import fix_rows
@@ -178,7 +178,7 @@ def build_timeline(
         epochs.course[at], epochs.course_sigma[at] = heading[keep], sigma[keep]
         if motion is None:
             gaps = filled_gaps(time[at], fix[keep, :2], fix[keep, 2], [0])
-            epochs.filled[at] = gaps | _made(fixes)[keep]
+            _hold(epochs, at, gaps | _made(fixes)[keep], [0])
     mode = CLOCK if motion is None else DISTANCE if motion.turn is None else WHEELS
     takeover = None if motion is None else motion.takeover
     tick = motion.tick if motion is not None and mode == WHEELS else 0.0
@@ -189,16 +189,37 @@ def build_timeline(
 
 
 def _made(fixes: Fixes) -> NDArray[np.bool_]:
-    """Which fixes are none, as their places were interpolated, (n,)."""
-    return np.asarray((fixes.flags & INTERPOLATED) > 0)
+    """Which fixes are none, as their places were interpolated or cannot be, (n,)."""
+    flags = fixes.flags.astype(np.uint16, copy=False)
+    return np.asarray((flags & (INTERPOLATED | STRAY)) > 0)
+
+
+def _hold(
+    epochs: Records, at: NDArray[np.int64], waits: NDArray[np.bool_], first: Sequence[int]
+) -> None:
+    """Mark epochs whose fix is none; before the first fix of a drive there is no belief to hold.
+
+    Args:
+        epochs: In place.
+        at: (n,) the epochs that have a fix.
+        waits: (n,) of which of them it is none.
+        first: (d,) where each drive begins among them.
+    """
+    epochs["filled"][at] = waits
+    for begin in first:
+        row = begin
+        while row < len(at) and waits[row]:  # a stray place
+            epochs["filled"][at[row]] = epochs["has_fix"][at[row]] = 0
+            row += 1
 
 
 def is_interpolated(epochs: Records) -> bool:
-    """Whether epochs of a drive wait as their places were interpolated, not repeated."""
+    """Whether epochs of a drive wait as their places were interpolated, mostly not repeated."""
     at = np.flatnonzero(epochs["filled"][1:]) + 1
     if not len(at):
         return False
-    return bool((epochs.fix[at, :2] != epochs.fix[at - 1, :2]).any())
+    other = (epochs.fix[at, :2] != epochs.fix[at - 1, :2]).any(axis=1)
+    return bool(2 * np.count_nonzero(other) >= len(at))
 
 
 def _kept(
@@ -290,7 +311,9 @@ def epochs_of_fixes(
     rows["speed"], rows["speed_sigma"] = fixes.speed, fixes.sigma_speed
     fix, rows["course"], rows["course_sigma"] = fix_rows(fixes, plane)
     rows["fix"] = fix
-    rows["filled"] = filled_gaps(fixes.time, fix[:, :2], fix[:, 2], first) | _made(fixes)
+    waits = filled_gaps(fixes.time, fix[:, :2], fix[:, 2], first) | _made(fixes)
+    if waits.any():
+        _hold(rows, np.arange(len(rows)), waits, first)
     return epochs, np.logical_and.reduceat(apart, first) if len(first) else apart[:0]
 
 

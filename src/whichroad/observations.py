@@ -17,11 +17,11 @@ from .geodesy.angles import Array as Array
 from .geodesy.angles import degrees
 from .named_fields import Record, by_name
 
-FROM_HDOP = 1  # Fixes.flags: covariance from HDOP times the range error
-ASSUMED = 2  # covariance is the settings' default, nothing was reported
+FROM_HDOP, ASSUMED = 1, 2  # Fixes.flags: covariance from HDOP times an error; the default
 NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon were used
 FROM_QUALITY = 8  # sigma of FROM_HDOP or ASSUMED that the receiver's kind of fix has changed
-ROUNDED, INTERPOLATED = 16, 32  # few decimals, in the covariance; on a line between fixes: none
+# few decimals, in the covariance; none: on a line between fixes; where no vehicle can be
+ROUNDED, INTERPOLATED, STRAY = 16, 32, 2048
 HELD_SPEED, HELD_COURSE, ZERO_SPEED = 64, 128, 256  # not used: it repeats the row before; is 0
 CUT_SPEED, COARSE_COURSE = 512, 1024  # half a step was added to the speed; the course is not used
 

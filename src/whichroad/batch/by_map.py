@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ..errors import SettingError, WhichroadError
 from ..observations import Array
 from ..readers import drive_from_table
+from ..readers.checks import is_place
 from ..readers.dates import Writing
 from ..readers.many_trips import TripBatch
 from ..readers.names import find
 from ..readers.reading import Reading
-from ..readers.reported_fixes import is_place
 from ..readers.splitting import degrees_of, in_time_order
 from ..roadmap import RoadMaps, Share
 from ..sensors import Sensor

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ReadError
+from ..observations import Array
 from ..sensors.validation import LATEST
 
 Skipped = Counter[str]
@@ -124,3 +125,10 @@ def in_order(time: NDArray[Any], skipped: Skipped) -> Ints:
     new = np.ones(len(time), np.bool_)
     new[1:] = np.diff(time[order]) > 0
     return order[keep(new, REPEATED, skipped)]
+
+
+def is_place(lat: Array, lon: Array) -> Bools:
+    """Whether degrees (n,) can be where a vehicle is."""
+    # receivers without a fix write 0, 0: in the Gulf of Guinea there is no road
+    possible: Bools = (np.abs(lat) <= 90) & (np.abs(lon) <= 180) & ((lat != 0) | (lon != 0))
+    return possible

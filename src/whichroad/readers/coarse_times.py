@@ -10,10 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..observations import Array
-from .checks import LAST, Bools, Ints, as_time_passes
+from .checks import LAST, Bools, Ints, as_time_passes, is_place
 from .drive_columns import MOTION, Columns
 from .names import SENSED
-from .reported_fixes import is_place
 from .table_drives import Trip
 from .units_by_places import metres_between
 

@@ -19,7 +19,7 @@ from ..errors import ReadError
 from ..observations import Array, Drive, SensorReading
 from ..settings import Settings, Vehicle
 from .arrow_columns import Times, numbers, strings, times
-from .checks import Skipped
+from .checks import Skipped, is_place
 from .clock_change import put_apart
 from .coarse_times import spread
 from .csv_text import no_column
@@ -31,7 +31,6 @@ from .gpx import read_gpx
 from .names import SENSED, Seen, normal
 from .odometry_fit import with_fit_notes
 from .reading import Reading
-from .reported_fixes import is_place
 from .source import Source
 from .table_drives import Trip, trips_of
 from .table_files import table_of

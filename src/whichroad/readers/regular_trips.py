@@ -16,7 +16,7 @@ from ..observations import ROUNDED, Array, Fixes
 from ..settings import Settings
 from .arrow_columns import numbers, times
 from .bare_times import tick_of
-from .checks import LAST, Bools, Ints, Skipped
+from .checks import LAST, Bools, Ints, Skipped, is_place
 from .clock_change import clock_changes
 from .coarse_steps import COARSE, coarse_notes
 from .dates import Writing
@@ -24,7 +24,7 @@ from .drive_columns import Columns, reported
 from .fix_quality import NO_FIX
 from .mixed_rows import NOTED, alternating
 from .names import Column, find, normal
-from .reported_fixes import completed, is_place, is_vague, says_no_hdop
+from .reported_fixes import completed, is_vague, says_no_hdop
 from .resampled import RESAMPLED, resampling_notes
 from .rounded_places import rounding_notes
 from .table_units import Units

@@ -20,18 +20,20 @@ from ..observations import (
     NO_CORRELATION,
     ROUNDED,
     SIGMA_SPEED,
+    STRAY,
     Array,
     Fixes,
     GeoFix,
 )
 from ..sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE, TOO_VAGUE, WORST
 from ..settings import Settings
-from .checks import Bools, Ints, Skipped, in_order, keep
+from .checks import Bools, Ints, Skipped, in_order, is_place, keep
 from .coarse_steps import coarse_steps
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
 from .interpolated_places import interpolated
 from .late_speeds import Columns, in_time
 from .rounded_places import rounding
+from .stray_places import strays
 from .unmeasured import unmeasured
 
 # A receiver's ellipse is one sigma (variance ratio 1) or 95 % (2.45², u-blox): rounding to
@@ -122,7 +124,7 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
     Impossible places and places without a fix are skipped, as are those whose error is beyond
     all use; late rows are put in order, repeated times dropped, all counted.  A fix without
     covariance gets HDOP times the range error, or the settings' default, both by its quality,
-    and a flag for it.
+    and a flag for it.  Places that no vehicle reaches from the others get one too.
 
     Args:
         reported: The rows that carry a position.
@@ -136,7 +138,9 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
         r = r.rows(np.flatnonzero(keep(r.quality != NO_FIX, WITHOUT_FIX, skipped)))
     r = r.rows(np.flatnonzero(keep(~is_vague(r), TOO_VAGUE, skipped)))
     r = r.rows(in_order(r.time, skipped))
-    return completed(r, np.zeros(min(len(r.time), 1), np.int64), settings, skipped)
+    fixes = completed(r, np.zeros(min(len(r.time), 1), np.int64), settings, skipped)
+    fixes.flags[strays(r.time, r.lat_deg, r.lon_deg)] |= STRAY
+    return fixes
 
 
 def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) -> Fixes:
@@ -202,13 +206,6 @@ def is_vague(r: Reported) -> Bools:
         return np.zeros(len(r.time), np.bool_)
     worst = np.fmax(r.cov_ee, r.cov_nn)
     return np.asarray((worst > WORST**2) & np.isfinite(worst))
-
-
-def is_place(lat: Array, lon: Array) -> Bools:
-    """Whether degrees (n,) can be where a vehicle is."""
-    # receivers without a fix write 0, 0: in the Gulf of Guinea there is no road
-    possible: Bools = (np.abs(lat) <= 90) & (np.abs(lon) <= 180) & ((lat != 0) | (lon != 0))
-    return possible
 
 
 def _column(values: Array | None, n: int) -> Array:

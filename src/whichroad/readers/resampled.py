@@ -1,12 +1,14 @@
-"""What is said of rows that were made up from others, not measured."""
+"""What is said of rows that are not used: made up from others, or where no vehicle can be."""
 
 import numpy as np
 
-from ..observations import HELD_COURSE, HELD_SPEED, INTERPOLATED, ZERO_SPEED, Fixes
+from ..observations import HELD_COURSE, HELD_SPEED, INTERPOLATED, STRAY, ZERO_SPEED, Fixes
 from ..wording import counted
 
 RESAMPLED = INTERPOLATED | HELD_SPEED | HELD_COURSE | ZERO_SPEED
 _NOTES = {
+    STRAY: "places of {} of {} cannot be reached from those around them, and are not used; "
+    "look for a stale place at the start, latitude and longitude swapped, or a lost sign",
     INTERPOLATED: "places of {} of {} lie on the lines between others, so they were interpolated; "
     "they are not used: give the fixes as they were measured",
     HELD_SPEED: "speeds of {} of {} repeat the row before while the vehicle drives, and are not "

@@ -17,11 +17,10 @@ from ..errors import SettingError
 from ..geodesy.angles import wrap_degrees
 from ..observations import Array
 from .arrow_columns import numbers, times
-from .checks import Ints
+from .checks import Ints, is_place
 from .clock_change import clock_changes, put_rows_apart
 from .dates import DAY, UNSAID, Writing
 from .names import Column, find
-from .reported_fixes import is_place
 from .units_by_places import distances, reachable
 
 if TYPE_CHECKING:

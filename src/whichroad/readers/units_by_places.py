@@ -16,9 +16,8 @@ import numpy as np
 from ..geodesy.angles import radians, wrap_degrees
 from ..geodesy.units import EARTH_RADIUS, KMH, KNOT, MPH
 from ..observations import Array
-from .checks import Bools
+from .checks import Bools, is_place
 from .dates import DAY
-from .reported_fixes import is_place
 
 SPEED_UNITS = {"m/s": 1.0, "km/h": KMH, "mph": MPH, "knots": KNOT}
 DISTANCE_UNITS = {"m": 1.0, "km": 1000.0, "miles": 1609.344}

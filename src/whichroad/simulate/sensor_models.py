@@ -268,5 +268,5 @@ def fixes_from(
         sigma_speed=np.full(n, max(sigma, 1e-3)),
         bearing_deg=course_of(east, north),
         sigma_bearing_deg=sigma_bearing,
-        flags=np.zeros(n, dtype=np.uint8),
+        flags=np.zeros(n, dtype=np.uint16),
     )
