@@ -176,6 +176,25 @@ def test_fixes_off_the_map_are_told_of_all_trips_together(tmp_path, town):
     assert "note: 3 of 40 fixes (7.5 %) are farther than 1 km" in done.stderr
 
 
+def test_what_a_table_of_roads_was_read_without_is_said(tmp_path, town):
+    roads = json.loads(town.read_text())
+    for road in roads["features"]:
+        road["properties"]["oneway"] = 2
+    town.write_text(json.dumps(roads))
+    said = "skipped of the map: one-way numbers of a code that is not known: 2 (2) (all taken as"
+    source = trips(tmp_path, ["a", "b"])
+    assert said in run("match", source, "--map", town).stderr
+    one = tmp_path / "one.csv"
+    pq.read_table(trips(tmp_path, ["a"])).drop_columns("trip_id").to_pandas().to_csv(one)
+    assert said in run("match", one, "--map", town).stderr
+    done = run("fleet", source, "--map", town, "-o", tmp_path / "out", "--workers", 1)
+    assert done.exit_code == 0, done.output
+    assert said in done.stderr
+    compiled = tmp_path / "town.map"
+    assert "skipped: one-way numbers" in run("map", "build", town, "-o", compiled).stderr
+    assert "of the map" not in run("match", source, "--map", compiled).stderr
+
+
 def test_the_order_of_dates_of_a_table_of_trips_may_be_said(tmp_path, town):
     source = trips(tmp_path, ["a", "b"])
     table = pq.read_table(source)

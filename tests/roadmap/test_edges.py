@@ -279,6 +279,33 @@ def test_a_one_way_word_that_nobody_knows_is_counted(line):
     assert skipped == {"one-way words that were not understood (taken as two-way)": 1}
 
 
+@pytest.mark.parametrize("as_text", [False, True])
+def test_numbers_of_an_unknown_code_close_nothing_and_are_listed(line, as_text):
+    """1 both, 2 along, 3 against: 1 is no one-way there."""
+    codes = [1] * 6 + [2, 2, 3]
+    lines = [line((0, 60 * k), (100, 60 * k)) for k in range(len(codes) + 1)]
+    cells = [str(code) for code in codes] + ["maybe"] if as_text else [*codes, None]
+    table = geopandas.GeoDataFrame({"oneway": cells}, geometry=lines, crs=4326)
+    roads = RoadMap.from_edges(table)
+    for k in range(len(codes)):
+        assert (rule(roads, k, True), rule(roads, k, False)) == (0, 0)
+    skipped = roads.info()["skipped"]
+    (why,) = [why for why in skipped if "code" in why]
+    assert "not known: 1 (6), 2 (2), 3 (1) (all taken as two-way" in why
+    assert skipped[why] == 9
+    assert len(skipped) == 1 + as_text
+
+
+def test_few_odd_numbers_leave_one_ways_as_they_are(line):
+    codes = [1, -1, 0, 7] + [0] * 396
+    lines = [line((0, 60 * k), (100, 60 * k)) for k in range(len(codes))]
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame({"oneway": codes}, geometry=lines, crs=4326))
+    closed = [(rule(roads, k, True) > 0, rule(roads, k, False) > 0) for k in range(4)]
+    assert closed == [(False, True), (True, False), (False, False), (False, False)]
+    words = "one-way words that were not understood (taken as two-way)"
+    assert roads.info()["skipped"] == {words: 1}
+
+
 TAGS = [
     '"oneway"=>"-1","maxspeed"=>"30 mph","note"=>"a \\"b\\", c"',
     None,

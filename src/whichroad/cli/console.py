@@ -38,6 +38,12 @@ def url_of(host: str, port: int) -> str:
     return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
 
 
+def print_skipped_roads(left_out: Mapping[str, int]) -> None:
+    """What a table of roads was read without, by reason, to the standard error."""
+    for reason, count in left_out.items():
+        typer.echo(f"skipped of the map: {reason}: {count:,}", err=True)
+
+
 def print_table(
     title: str, rows: Iterable[tuple[str, Any]], meanings: Mapping[str, str] | None = None
 ) -> None:

@@ -16,7 +16,7 @@ from .arguments import (
     read_columns,
     read_sensors,
 )
-from .console import print_table, progress_line
+from .console import print_skipped_roads, print_table, progress_line
 
 if TYPE_CHECKING:
     from ..fleet import Summary
@@ -139,6 +139,7 @@ def print_fleet(summary: "Summary") -> None:
     done = summary.done
     if summary.note:
         typer.echo(f"note: {summary.note}", err=True)
+    print_skipped_roads(summary.map_left_out)
     for reason, count in done.skipped.most_common():
         typer.echo(f"skipped: {reason}: {count:,}", err=True)
     for note, count in done.noted.most_common(_MOST_PRINTED):

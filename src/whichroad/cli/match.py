@@ -25,7 +25,7 @@ from .arguments import (
     read_start,
     read_window,
 )
-from .console import print_table, progress_line
+from .console import print_skipped_roads, print_table, progress_line
 from .match_table import match_trips
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def match(
     from ..places import Places
     from ..readers import read_drive, read_vehicle, vehicle_beside
     from ..readers.many_trips import are_many
-    from ..roadmap import open_map
+    from ..roadmap import left_out, open_map
     from ..tables.schema import thinned
 
     defaults = not (can or dbc or start or mask or report or lineage or places)
@@ -233,6 +233,7 @@ def match(
             write_report(recorded, report, network, force=force)
     for note in [] if about is None else about.notes():
         typer.echo(f"note: {note}", err=True)
+    print_skipped_roads(left_out(roads, network))
     print_summary(result)
     if result.summary["epochs_without_answer"] == result.summary["epochs"]:
         epochs = counted(result.summary["epochs"], "epoch")

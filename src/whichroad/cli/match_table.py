@@ -9,7 +9,7 @@ import typer
 
 from ..errors import DriveError
 from ..wording import counted
-from .console import print_table, progress_line
+from .console import print_skipped_roads, print_table, progress_line
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -46,7 +46,7 @@ def match_trips(
     from ..batch import match_stream
     from ..readers.many_trips import own_names, zone_note
     from ..readers.trip_files import dataset_of
-    from ..roadmap import open_map
+    from ..roadmap import left_out, open_map
     from ..tables.schema import thinned
     from ..writers.stream import growing
 
@@ -74,6 +74,7 @@ def match_trips(
             trips.append(part.drives)
         if not trips:
             raise DriveError(f"{table}: it holds no trips; rows with a drive_id were expected")
+    print_skipped_roads(left_out(roads, network))
     _print_summary(table, trips)
     if out is None and path_out is None:
         typer.echo("no output was asked for; add -o points.parquet --path-out path.parquet")

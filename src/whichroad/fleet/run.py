@@ -32,7 +32,7 @@ from ..readers.splitting import seconds_of
 from ..readers.table_units import open_columns
 from ..readers.trip_units import KnownUnits, first_units
 from ..readers.zone_notes import zone_note_of
-from ..roadmap import RoadMap, RoadMaps, open_map, shared_maps
+from ..roadmap import RoadMap, RoadMaps, left_out, open_map, shared_maps
 from ..roadmap.store import is_compiled
 from ..sensors import Sensor
 from ..settings import Settings, Vehicle
@@ -67,6 +67,7 @@ class Summary(NamedTuple):
     seconds: float
     note: str | None = None  # on times that name no zone
     bad: int = 0  # trips in the table of bad ones
+    map_left_out: Mapping[str, int] = {}  # rows of a table of roads, by reason
 
 
 def run_fleet(
@@ -184,7 +185,10 @@ def run_fleet(
             f"map were expected; the most usual reason: {reason}"
         )
     seconds = time.monotonic() - began
-    return Summary(folder, done, len(units), len(units) - len(waiting), seconds, note, bad)
+    before, rows = len(units) - len(waiting), {}
+    if isinstance(roads, RoadMap):
+        rows = left_out(map, roads)
+    return Summary(folder, done, len(units), before, seconds, note, bad, rows)
 
 
 def _check(order: str, points: str, workers: int | None) -> None:

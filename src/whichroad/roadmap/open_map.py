@@ -57,6 +57,20 @@ def open_map(roads: Any, *, crs: Any = None, check: bool | None = None) -> RoadM
     )
 
 
+def left_out(path: str | Path, roads: RoadMap) -> dict[str, int]:
+    """What was left out of a table of roads that was just read, by reason.
+
+    Of a compiled map `map build` has said so, and of an extract it is what cars do not use.
+
+    Args:
+        path: Where the map was read.
+        roads: What was read.
+    """
+    if is_compiled(Path(path)) or str(path).lower().endswith(SUFFIXES):
+        return {}
+    return dict(roads.info()["skipped"])
+
+
 def _of_edges(table: Any, crs: Any) -> RoadMap:
     try:
         return RoadMap.from_edges(table)

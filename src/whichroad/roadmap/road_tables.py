@@ -43,6 +43,8 @@ NAMES = {
 _TAGGED = ("oneway", "access", "speed_limit_kmh", "name", "highway", "lanes", "width", "layer",
            "bridge", "tunnel", "junction")  # what a column of tags may hold  # fmt: skip
 _DIRECTED_SHARE = 0.1  # share of rows with an opposite row, from which on rows are directions
+_CODED = 0.01  # share of rows with other numbers than -1, 0, 1, from which on these are a code
+_LISTED = 6  # of its numbers
 # osm2po's numbers for the classes of OpenStreetMap
 _NUMBERED = {
     "11": "motorway", "12": "motorway_link", "13": "trunk", "14": "trunk_link",
@@ -194,10 +196,7 @@ def _one_way(
     """1 where a row may be driven as drawn only, -1 against it only, 0 both; None: unknown word."""
     column = _find(sheet, "oneway")
     if column is not None:
-        words = each(column[rows], _oneway)
-        if unknown := words.count(None):
-            skipped["one-way words that were not understood (taken as two-way)"] += unknown
-        return np.array([word or 0 for word in words], dtype=np.int8)
+        return _directions(column[rows], skipped)
     back = _find(sheet, "reverse_cost")
     if back is None:
         return None
@@ -208,6 +207,30 @@ def _one_way(
     closed_back = (back < 0) | (back >= 1e5) & (back > 100 * np.abs(there))
     closed = (there < 0) | (there >= 1e5) & (there > 100 * np.abs(back))
     return np.where(closed_back, 1, np.where(closed, -1, 0)).astype(np.int8)
+
+
+def _directions(cells: NDArray[Any], skipped: Counter[str]) -> NDArray[np.int8]:
+    """`_one_way` of the cells of its column; words that nobody knows close nothing.
+
+    Where many numbers are none of -1, 0 and 1, these are of a code too, and close nothing either.
+    """
+    found = each(cells, _oneway)
+    along = np.array([one or 0 for one in found], dtype=np.int8)
+    unknown = np.array([one is None for one in found], dtype=bool)
+    if not unknown.any():
+        return along
+    words = each(cells, _word)
+    number = np.array([word.lstrip("+-").isdecimal() for word in words], dtype=bool)
+    if np.count_nonzero(unknown & number) > _CODED * len(words):
+        seen = Counter(word for word, is_one in zip(words, number, strict=True) if is_one)
+        listed = ", ".join(f"{word} ({count:,})" for word, count in seen.most_common(_LISTED))
+        why = f"one-way numbers of a code that is not known: {listed} (all taken as two-way; give "
+        skipped[f"{why}F along, T against, B both)"] += int(number.sum())
+        along[number], unknown[number] = 0, False
+    if unknown.any():
+        reason = "one-way words that were not understood (taken as two-way)"
+        skipped[reason] += int(unknown.sum())
+    return along
 
 
 def _costs(column: NDArray[Any], skipped: Counter[str]) -> NDArray[np.float64]:
