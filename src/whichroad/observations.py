@@ -23,7 +23,7 @@ FROM_QUALITY = 8  # sigma of FROM_HDOP or ASSUMED that the receiver's kind of fi
 # few decimals, in the covariance; none: on a line between fixes; where no vehicle can be
 ROUNDED, INTERPOLATED, STRAY = 16, 32, 2048
 HELD_SPEED, HELD_COURSE, ZERO_SPEED = 64, 128, 256  # not used: it repeats the row before; is 0
-CUT_SPEED, COARSE_COURSE = 512, 1024  # half a step was added to the speed; the course is not used
+CUT_SPEED, COARSE_COURSE, OTHER_UNIT = 512, 1024, 4096  # half a step added; not used; not used
 
 SIGMA_SPEED = 0.3  # m/s, Doppler speed of a receiver that reports no sigma
 MOVING = 1.0  # m/s, below it a course over ground means nothing

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geodesy.angles import degrees, radians, wrap_bearing
+from ..geodesy.units import KMH
 from ..observations import (
     ASSUMED,
     FROM_HDOP,
@@ -18,6 +19,7 @@ from ..observations import (
     INTERPOLATED,
     MOVING,
     NO_CORRELATION,
+    OTHER_UNIT,
     ROUNDED,
     SIGMA_SPEED,
     STRAY,
@@ -32,6 +34,7 @@ from .coarse_steps import coarse_steps
 from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
 from .interpolated_places import interpolated
 from .late_speeds import Columns, in_time
+from .other_units import other_units
 from .rounded_places import rounding
 from .stray_places import strays
 from .unmeasured import unmeasured
@@ -172,6 +175,11 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
     told = Columns(speed, r.sigma_speed, course)
     if made is None and wrong is None:
         told = in_time(r.time, (r.lat_deg, r.lon_deg), told, first, skipped)
+    measured = told.speed
+    if wrong is not None and measured is not None:
+        measured = np.where(wrong.no_speed, np.nan, measured)
+    sigma = np.sqrt(np.maximum(cov_ee, cov_nn))
+    other = other_units(r.time, (r.lat_deg, r.lon_deg), sigma, measured, first)
     coarse = coarse_steps(r.time, r.lat_deg, r.lon_deg, told.speed, told.course, first)
     speed, sigma_speed = _or_unknown(told.speed, told.sigma_speed, len(r.time))
     if coarse is not None:
@@ -185,6 +193,10 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
     if wrong is not None:
         speed = np.where(wrong.no_speed, 0.0, speed)
         sigma_speed = np.where(wrong.no_speed, np.inf, sigma_speed)
+    if other is not None:  # a speed that is not used has still told that courses are known
+        flags |= np.where(other, OTHER_UNIT, 0).astype(np.uint16)
+        sigma_speed = np.where(other, np.inf, sigma_speed)
+        sigma_bearing = np.where(other, sigma_bearing / KMH, sigma_bearing)
     return Fixes(
         time=r.time,
         lat_deg=lat,

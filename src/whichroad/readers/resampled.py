@@ -1,11 +1,20 @@
-"""What is said of rows that are not used: made up from others, or where no vehicle can be."""
+"""What is said of rows that are not used: made up from others, or what no vehicle does."""
 
 import numpy as np
 
-from ..observations import HELD_COURSE, HELD_SPEED, INTERPOLATED, STRAY, ZERO_SPEED, Fixes
+from ..observations import (
+    HELD_COURSE,
+    HELD_SPEED,
+    INTERPOLATED,
+    OTHER_UNIT,
+    STRAY,
+    ZERO_SPEED,
+    Fixes,
+)
 from ..wording import counted
+from .other_units import unit_notes
 
-RESAMPLED = INTERPOLATED | HELD_SPEED | HELD_COURSE | ZERO_SPEED
+RESAMPLED = INTERPOLATED | HELD_SPEED | HELD_COURSE | ZERO_SPEED | OTHER_UNIT
 _NOTES = {
     STRAY: "places of {} of {} cannot be reached from those around them, and are not used; "
     "look for a stale place at the start, latitude and longitude swapped, or a lost sign",
@@ -25,8 +34,9 @@ def resampling_notes(fixes: Fixes | None, first: int = 0, end: int | None = None
     if fixes is None:
         return []
     flags = fixes.flags[first:end]
-    return [
+    said = [
         text.format(f"{count:,}", counted(len(flags), "row"))
         for flag, text in _NOTES.items()
         if (count := np.count_nonzero(flags & flag))
     ]
+    return said + unit_notes(fixes, first, end)
