@@ -21,7 +21,7 @@ from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
 from .observations import INTERPOLATED, STRAY, Array, Drive, Fixes, SensorReading, WithGyro
 from .sensors.clock_delay import delay_of
-from .sensors.filled_gaps import filled_gaps
+from .sensors.filled_gaps import HELD, filled_gaps
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .sensors.takeover import Takeover
@@ -215,11 +215,13 @@ def _hold(
 
 def is_interpolated(epochs: Records) -> bool:
     """Whether epochs of a drive wait as their places were interpolated, mostly not repeated."""
-    at = np.flatnonzero(epochs["filled"][1:]) + 1
+    filled = epochs["filled"] > 0
+    at = np.flatnonzero(filled)
     if not len(at):
         return False
-    other = (epochs.fix[at, :2] != epochs.fix[at - 1, :2]).any(axis=1)
-    return bool(2 * np.count_nonzero(other) >= len(at))
+    before = np.maximum.accumulate(np.where(filled, 0, np.arange(len(filled))))[at]
+    away = np.hypot(*(epochs.fix[at, :2] - epochs.fix[before, :2]).T)
+    return bool(2 * np.count_nonzero(away > 2.0 * HELD) >= len(at))
 
 
 def _kept(

@@ -98,6 +98,27 @@ def test_places_in_a_gap_that_was_filled_are_on_the_path_between(lag):
     assert "gnss: repeated" in " ".join(many.drives["notes"].to_pylist()[0])
 
 
+@pytest.mark.parametrize("lag", [None, "full"])
+def test_a_place_that_is_held_with_a_jitter_is_a_gap_too(lag):
+    table, true = tunnel()
+    wave = 1e-6 * np.sin(2.0 * np.arange(FROM, FROM + 40))
+    table["lat"][FROM : FROM + 40] += wave
+    table["lon"][FROM : FROM + 40] += wave[::-1]
+    result = match(table, roads(), lag=lag)
+    points, gap = result.points, slice(FROM + 1, FROM + 40)
+    north = 111_195.0 * (points.lat.to_numpy() - true["lat"])
+    east = 111_195.0 * np.cos(np.radians(49.4)) * (points.lon.to_numpy() - true["lon"])
+    assert not np.any(np.hypot(north, east) > points.protection_level_m)
+    assert np.all(points.p_road[gap] < 0.999)
+    assert set(points.status[gap]) == {"outage"}
+    [found] = [f for f in result.diagnosis if f.what == "gnss: repeated"]
+    assert found.statistic == pytest.approx(39.0, abs=1.0)
+    trips = {**table, "drive_id": np.full(len(table["lat"]), "a")}
+    many = match_many(pa.table(trips), roads(), lag=lag)
+    assert many.points["lat"].to_pylist() == points.lat.tolist()
+    assert "within a metre" in " ".join(many.drives["notes"].to_pylist()[0])
+
+
 def test_who_stood_on_a_long_edge_before_a_gap_is_not_taken_back_by_it():
     """An edge is not driven evenly from its begin to its end."""
     x = np.concatenate([np.full(60, -250.0), -250.0 + 10.0 * np.arange(1, 61)])

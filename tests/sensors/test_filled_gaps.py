@@ -42,3 +42,30 @@ def test_drives_one_behind_the_other_have_nothing_to_do_with_each_other():
 def test_a_drive_that_ends_in_repeats_or_is_short_is_left_alone():
     assert filled([0.0, 20.0, 40.0, 40.0, 40.0]) == []
     assert filled([0.0, 0.0]) == []
+
+
+def held(jitter: float = 0.2, jump: float = 400.0, seconds: int = 30) -> list[float]:
+    """At 15 m/s, a place that is held with a jitter, a jump, and on at 15 m/s."""
+    go = 15.0 * np.arange(8)
+    stay = go[-1] + jitter * np.sin(np.arange(seconds) * 2.0)
+    return [*go, *stay, *(stay[-1] + jump + go)]
+
+
+def test_a_place_that_is_held_with_a_jitter_is_repeated():
+    assert filled(held()) == list(range(8, 38))
+    assert filled([*held(), *held()], first=(0, 46)) == [*range(8, 38), *range(54, 84)]
+
+
+def test_rows_within_a_jitter_are_sound_where_the_step_behind_is_driving():
+    assert filled(held(jump=30.0)) == []
+    assert filled(held(jump=80.0), every=5.0) == []
+    assert filled(held(jump=400.0), every=15.0) == []  # a pause between rows
+    assert filled(held(jitter=3.0)) == []
+    assert filled(held(seconds=12)) == []
+    stands = [x for x in held() if x < 106.0]
+    assert filled([*stands, *stands[-30:]]) == []
+
+
+def test_a_vehicle_that_stands_before_and_after_a_jump_is_not_moved_by_it():
+    place = 0.2 * np.sin(np.arange(30.0))
+    assert filled([*place, *(100.0 + place)]) == []

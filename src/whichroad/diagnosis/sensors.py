@@ -88,9 +88,9 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
         found.append(
             Finding(
                 "gnss: repeated", "warning", repeated, 0.0, _LEAST,
-                f"for {repeated:,.0f} s fixes repeated an earlier place to the digit while the "
-                "vehicle moved, and were withheld; look at what fills the gaps of the receiver, "
-                "and leave them empty",
+                f"for {repeated:,.0f} s fixes repeated an earlier place, to the digit or within a "
+                "metre, while the vehicle moved, and were withheld; look at what fills the gaps of "
+                "the receiver, and leave them empty",
             )
         )  # fmt: skip
     return tuple(found)
