@@ -8,7 +8,7 @@ for a while after it has become slower, as an error of the receiver does.
 import math
 
 from ..._compile import Record, kernel
-from ..vetting.latency import DELAY
+from ..vetting.delay_filter import DELAY
 from .separation import cover_place
 
 

@@ -3,9 +3,9 @@
 import math
 
 from ..._compile import Record, kernel
+from .delay_filter import DELAY, Delayed
 from .latency import (
     CHANGE,
-    DELAY,
     FIXES,
     LONGEST,
     ODOMETRY,
@@ -13,7 +13,6 @@ from .latency import (
     PLACES,
     PUNCTUAL,
     SOONEST,
-    Delayed,
     Frame,
     compare,
     decide,

@@ -16,12 +16,31 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._compile import Record, Vector, kernel
+from .delay_filter import (
+    ANYWHERE,
+    ASSUMED,
+    DELAY,
+    ESTIMATE,
+    Delayed,
+    begin,
+    begin_at,
+    free,
+    stretch,
+    update_delay,
+)
+from .delays_tried import (
+    DELAYS_TRIED,
+    TRIED,
+    delay_of,
+    fade,
+    forget_tried,
+    refuted_by,
+    score,
+)
 
 PUNCTUAL, FIXES, ODOMETRY = range(3)  # what is late
 
-_STATES = 4
-DELAY, _SMOOTHING = 2, 3  # states beside the two axes
-_PRIOR = (2.0, 2.0)  # s, s²: sigmas of these
+_PRIOR = 2.0  # s, sigma of a delay
 PLACES = 64  # that are kept,
 _APART = 0.1  # s between them
 PACE = 0.5  # s over which a velocity is taken,
@@ -33,10 +52,6 @@ _OF_SLIP, _SLIPS = 1.0, 0.3  # the same where wheels may slip; m/s², from which
 _STANDS, _DRIFTS = 0.3, 2.0  # m, of a vehicle that stands; m²/s, its fixes may drift
 _WHITE, _LEAST = 0.7, 0.5  # of the reported sigma, m: what is new in every fix
 _FITS = 1.7  # usual chi-square an axis, up to which a delay explains the errors
-_AT_FIRST, _NEW = 2.0, 1.0 / 16.0  # usual chi-square an axis; share of a new one
-_GATE = 25.0  # chi-square of two axes, from which on the error of fixes has jumped
-_ANYWHERE, _OTHER_DELAY = 1e4, 0.3  # m² of its place then; s by which the delay may differ
-_ASSUMED = 0.5  # s, sigma of a delay that was found before
 LONGEST = 5.0  # s, of a delay
 _RARE = 0.02  # P(clocks differ)
 _COVERED, _SEEN = 0.008, 1.0  # P of that from which on levels cover late fixes, and sigma (s)
@@ -45,18 +60,8 @@ _SURE, _CONFIRMED = 0.95, 8.0  # P of that from which on it is mended, and s for
 _WHILE, _NEWS = 20.0, 10.0  # s between two events; what one tells of the delay, 1/s²
 _EVENTS = 2  # that must have told of it
 _IN_TURNS, _SEEN_IN_TURNS = 0.7, 2.0  # share of a delay that turns show, and sigmas of that
+_REFUTED = 10.0  # nats by which steps between fixes tell against a delay that is forgotten then
 _OTHERWISE = 0.08  # s, by which receivers that smooth their fixes look late
-
-ESTIMATE = np.dtype(
-    [
-        ("state", "f8", (_STATES,)),
-        ("cov", "f8", (_STATES, _STATES)),
-        ("row", "f8", (2, _STATES)),  # buffers of one observation, for both axes
-        ("gain", "f8", (2, _STATES)),
-        ("misfit", "f8"),  # usual chi-square an axis
-    ],
-    align=True,
-)
 
 LATENCY = np.dtype(
     [
@@ -76,6 +81,7 @@ LATENCY = np.dtype(
         ("error", "f8", (2,)),  # of fixes less the way by odometry since the start, m
         ("estimate", ESTIMATE),  # by all that changes the velocity,
         ("turns", ESTIMATE),  # and by its direction alone, as wheels that slip do not change that
+        ("tried", DELAYS_TRIED),
         ("known", "f8"),  # 1/s², what is known of the delay, at the last event,
         ("event_at", "f8"),  # s, when that was,
         ("events", "i8"),  # and how often it was
@@ -98,18 +104,6 @@ class Frame(NamedTuple):
     s: float
 
 
-class Delayed(NamedTuple):
-    """Motion of the vehicle about the time that a fix held, plane, true metres."""
-
-    delay: float  # s, for which this is
-    dx: float  # way since then, m
-    dy: float
-    vx: float  # velocity then, m/s
-    vy: float
-    ax: float  # its change in the seconds before, m/s²
-    ay: float
-
-
 @kernel
 def clear_latency(latency: Record) -> None:
     """Begin: nothing was seen."""
@@ -123,20 +117,9 @@ def clear_latency(latency: Record) -> None:
     latency.late = PUNCTUAL
     latency.behind[0] = 0.0
     latency.behind[1] = 0.0
-    _begin(latency.estimate)
-    _begin(latency.turns)
-
-
-@kernel
-def _begin(estimate: Record) -> None:
-    estimate.misfit = _AT_FIRST
-    for i in range(_STATES):
-        estimate.state[i] = 0.0
-        for j in range(_STATES):
-            estimate.cov[i, j] = 0.0
-    for i in range(2):
-        estimate.cov[i, i] = _ANYWHERE
-        estimate.cov[DELAY + i, DELAY + i] = _PRIOR[i] ** 2
+    begin(latency.estimate)
+    begin(latency.turns)
+    forget_tried(latency.tried)
 
 
 def found_delay(latency: Record) -> float:
@@ -148,7 +131,7 @@ def assume_delay(latency: Record, delay: float) -> None:
     """Begin with what a delay was found to be, s."""
     for name in ("estimate", "turns"):
         latency[name]["state"][DELAY] = delay
-        latency[name]["cov"][DELAY, DELAY] = _ASSUMED**2
+        latency[name]["cov"][DELAY, DELAY] = ASSUMED**2
     latency["late"] = FIXES if delay > 0.0 else ODOMETRY
 
 
@@ -239,28 +222,39 @@ def compare(latency: Record, epoch: Record, scale: float, frame: Frame, then: De
         left = latency.here[1] - last[5]
         along = frame.c * forward - frame.s * left
         across = frame.s * forward + frame.c * left
-        latency.error[0] += (epoch.fix[0] - last[0]) / scale - (x - last[2]) - along
-        latency.error[1] += (epoch.fix[1] - last[1]) / scale - (y - last[3]) - across
+        dx = (epoch.fix[0] - last[0]) / scale - (x - last[2])
+        dy = (epoch.fix[1] - last[1]) / scale - (y - last[3])
+        latency.error[0] += dx - along
+        latency.error[1] += dy - across
         variance = epoch.fix[2] * epoch.fix[3] * max(latency.estimate.misfit, 1.0)
         of_way = (_OF_WAY**2 + latency.heading[1]) * (forward * forward + left * left)
         freed = 2.0 * variance * since / _BIAS_TIME + of_way
         if forward * forward + left * left < _STANDS * _STANDS:
             freed += _DRIFTS * since
         white = max(_WHITE * math.sqrt(variance), _LEAST) ** 2
+        _try_delays(latency, epoch.time, frame, (dx, dy), 2.0 * white + of_way)
         slips = _OF_SLIP * min(abs(pace - latency.pace) / (since * _SLIPS), 1.0)
-        _free(latency.estimate, freed)
-        _free(latency.turns, freed)
-        _stretch(latency.turns, slips * along, slips * across)
-        if _update(latency.estimate, latency.error, then, white):
+        free(latency.estimate, freed)
+        free(latency.turns, freed)
+        stretch(latency.turns, slips * along, slips * across)
+        if update_delay(latency.estimate, latency.error, then, white):
             latency.events = 0
-        _update(latency.turns, latency.error, then, white)
+        update_delay(latency.turns, latency.error, then, white)
     else:
-        _free(latency.estimate, _ANYWHERE)
-        _free(latency.turns, _ANYWHERE)
+        free(latency.estimate, ANYWHERE)
+        free(latency.turns, ANYWHERE)
+        _try_delays(latency, epoch.time, frame, (0.0, 0.0), math.inf)
     latency.time = epoch.time
     latency.pace = pace
-    last[0] = epoch.fix[0]
-    last[1] = epoch.fix[1]
+    _keep_fix(latency, epoch.fix, x, y)
+
+
+@kernel
+def _keep_fix(latency: Record, fix: Vector, x: float, y: float) -> None:
+    """Keep a fix, with the antenna from M (m) and M by odometry."""
+    last = latency.last
+    last[0] = fix[0]
+    last[1] = fix[1]
     last[2] = x
     last[3] = y
     last[4] = latency.here[0]
@@ -268,64 +262,20 @@ def compare(latency: Record, epoch: Record, scale: float, frame: Frame, then: De
 
 
 @kernel
-def _free(estimate: Record, variance: float) -> None:
-    """Let the error of fixes change."""
-    estimate.cov[0, 0] += variance
-    estimate.cov[1, 1] += variance
-
-
-@kernel
-def _stretch(estimate: Record, x: float, y: float) -> None:
-    """Let the error of fixes change along a way, by so much (m, one sigma)."""
-    estimate.cov[0, 0] += x * x
-    estimate.cov[0, 1] += x * y
-    estimate.cov[1, 0] += x * y
-    estimate.cov[1, 1] += y * y
-
-
-@kernel
-def _observe(estimate: Record, error: Vector, then: Delayed, axis: int) -> float:
-    """Innovation of one axis; sets its row, and the gain times its variance."""
-    row = estimate.row[axis]
-    row[0] = 1.0 - axis
-    row[1] = axis
-    row[DELAY] = -then.vx if axis == 0 else -then.vy
-    row[_SMOOTHING] = -then.ax if axis == 0 else -then.ay
-    off = error[axis] + (then.dx if axis == 0 else then.dy) + row[DELAY] * then.delay
-    for i in range(_STATES):
-        estimate.gain[axis, i] = 0.0
-        for j in range(_STATES):
-            estimate.gain[axis, i] += estimate.cov[i, j] * row[j]
-        off -= row[i] * estimate.state[i]
-    return float(off)
-
-
-@kernel
-def _update(estimate: Record, error: Vector, then: Delayed, white: float) -> bool:
-    """Kalman update by a fix; one that fits nothing says that its error has jumped: true."""
-    x = _observe(estimate, error, then, 0)
-    y = _observe(estimate, error, then, 1)
-    gain = estimate.gain
-    xx = yy = white
-    xy = 0.0
-    for i in range(_STATES):
-        xx += gain[0, i] * estimate.row[0, i]
-        xy += gain[0, i] * estimate.row[1, i]
-        yy += gain[1, i] * estimate.row[1, i]
-    det = xx * yy - xy * xy
-    chi2 = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / det
-    estimate.misfit += _NEW * (0.5 * min(chi2, _GATE) - estimate.misfit)
-    if chi2 > _GATE:  # or the delay is another one
-        _free(estimate, _ANYWHERE)
-        estimate.cov[DELAY, DELAY] += _OTHER_DELAY**2
-        return True
-    for i in range(_STATES):
-        by_x = (yy * gain[0, i] - xy * gain[1, i]) / det
-        by_y = (xx * gain[1, i] - xy * gain[0, i]) / det
-        estimate.state[i] += by_x * x + by_y * y
-        for j in range(_STATES):
-            estimate.cov[i, j] -= by_x * gain[0, j] + by_y * gain[1, j]
-    return False
+def _try_delays(
+    latency: Record, time: float, frame: Frame, step: tuple[float, float], variance: float
+) -> None:
+    """Score each delay by the step between two fixes, m, of a variance on each axis, m²."""
+    tried = latency.tried
+    fade(tried, time - latency.time)
+    for j in range(TRIED):
+        x, y, _, _ = place_at(latency, time, delay_of(j))
+        before = tried.place[j]
+        forward, left = x - before[0], y - before[1]
+        way = (frame.c * forward - frame.s * left, frame.s * forward + frame.c * left)
+        score(tried, j, step, way, variance)
+        before[0] = x
+        before[1] = y
 
 
 @kernel
@@ -348,7 +298,7 @@ def _p_late(latency: Record) -> float:
     if abs(delay) < (_WORTH[0] if delay > 0.0 else _WORTH[1]):
         return 0.0
     variance = latency.estimate.cov[DELAY, DELAY] + _OTHERWISE**2
-    odds = 0.5 * delay * delay / variance + math.log(_RARE * math.sqrt(variance) / _PRIOR[0])
+    odds = 0.5 * delay * delay / variance + math.log(_RARE * math.sqrt(variance) / _PRIOR)
     return float(1.0 / (1.0 + math.exp(-min(odds, 100.0))))
 
 
@@ -363,6 +313,7 @@ def p_late(latency: Record) -> float:
     off = shown - latency.estimate.state[DELAY]
     nats = 0.5 * (off * off - shown * shown) / variance
     p = _p_late(latency) / (1.0 + math.exp(min(nats, 100.0)))
+    p *= math.exp(-max(refuted_by(latency.tried, latency.estimate.state[DELAY]), 0.0))
     seen = latency.estimate.cov[DELAY, DELAY] < _SEEN * _SEEN
     return float(p) if seen and p > _COVERED else 0.0
 
@@ -383,10 +334,15 @@ def _shows_in_turns(latency: Record) -> bool:
 @kernel
 def decide(latency: Record) -> None:
     """What is late."""
+    against = refuted_by(latency.tried, latency.estimate.state[DELAY])
+    if against > _REFUTED:
+        begin_at(latency.estimate, 0.0)
+        begin_at(latency.turns, 0.0)
     delay = latency.estimate.state[DELAY]
     late = latency.late
     _count_events(latency)
-    if latency.estimate.misfit > _FITS or _p_late(latency) < _SURE:
+    unsure = _p_late(latency) < _SURE
+    if latency.estimate.misfit > _FITS or unsure or against > 0.0:
         latency.sure_at = latency.time
     if abs(delay) < 0.5 * _WORTH[0]:
         late = PUNCTUAL
