@@ -17,10 +17,12 @@ from .evidence.sensed import Row, Sensed
 from .filter.evidence.evidence_kinds import MOST_AT_ONCE, NO_EVIDENCE, Evidence
 from .filter.state import CLOCK, DISTANCE, WHEELS, new_epochs
 from .filter.vetting.latency import LONGEST
+from .filter.vetting.motion_sources import BELOW
 from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
 from .observations import INTERPOLATED, STRAY, Array, Drive, Fixes, SensorReading, WithGyro
 from .sensors.clock_delay import delay_of
+from .sensors.dead_band import below, is_counted, whole_dead_band
 from .sensors.filled_gaps import HELD, filled_gaps
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
@@ -50,6 +52,7 @@ class Timeline:
     delay: float = 0.0  # s by which fixes are late against the odometry as it was recorded
     late: float = 0.0  # s by which they still are in the epochs
     tick: float = 0.0  # rad that the wheels' counters resolve; 0: they measure no turns
+    least_speed: float = 0.0  # m/s, below which odometry reads 0; 0: there is no such
 
     @property
     def interval(self) -> float:
@@ -155,6 +158,8 @@ def build_timeline(
         streams.append(np.array([one.time for one in told]))
     time = _union(streams)
     arc, turn, valid = _odometry(motion, time)
+    if motion is not None and motion.least_speed:
+        valid[_below(motion, time) & (valid == 1)] = BELOW
     half = 0.5 * turn
     chord = arc * np.sinc(half / math.pi)
     epochs = new_epochs(len(time))
@@ -185,7 +190,8 @@ def build_timeline(
     heard, names = (NO_EVIDENCE, ()) if sensed is None else (
         _heard(epochs, told, sensed), sensed.names
     )  # fmt: skip
-    return Timeline(epochs, mode, masked, heard, names, takeover, wrong, delay, late, tick)
+    least = 0.0 if motion is None else motion.least_speed
+    return Timeline(epochs, mode, masked, heard, names, takeover, wrong, delay, late, tick, least)
 
 
 def _made(fixes: Fixes) -> NDArray[np.bool_]:
@@ -253,6 +259,8 @@ def _motion(
     motion = motion_of(drive.odometry, vehicle, told)
     if len(motion.time) < 2:
         return None, (), 0.0
+    least = whole_dead_band(drive.odometry, motion[:2], vehicle.least_speed)
+    motion = motion._replace(least_speed=least, counted=is_counted(drive.odometry))
     sound, wrong = less_wrong(motion, told, plane)
     return sound, wrong, delay_of(sound, told, plane) if clocks and sound is not None else 0.0
 
@@ -267,6 +275,13 @@ def _turned_by(motion: Motion | None, time: Array) -> NDArray[np.uint8] | int:
     by = np.asarray(motion.by[step], np.uint8)
     by[(by == HEARD_AGAIN) & (time < motion.time[step])] = GYRO_ALONE
     return by
+
+
+def _below(motion: Motion, time: Array) -> NDArray[np.bool_]:
+    """Over which epochs odometry reads 0 and tells nothing by it, (n,)."""
+    steps = below(motion.time, motion.distance, motion.least_speed, motion.counted)
+    step = np.searchsorted(motion.time, time).clip(0, len(steps) - 1)
+    return np.asarray(steps[step])
 
 
 def _heard(epochs: Records, told: Sequence[SensorReading], sensed: Sensed) -> Evidence:

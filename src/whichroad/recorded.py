@@ -15,6 +15,7 @@ from .diagnosis.off_roads import off_road_findings
 from .diagnosis.sensor_states import SensorTrack, states_of
 from .diagnosis.sensors import (
     column_findings,
+    least_speed_findings,
     sensor_findings,
     takeover_findings,
     tick_findings,
@@ -158,7 +159,9 @@ def localize_recorded(
 
     def diagnose() -> tuple[Finding, ...]:
         # settings are not judged by sensors that are wrong
-        return (*further, *tick_findings(timeline.tick), *(withheld or fit()))
+        found = 0.0 if vehicle.least_speed else timeline.least_speed
+        notes = (*tick_findings(timeline.tick), *least_speed_findings(found))
+        return (*further, *notes, *(withheld or fit()))
 
     def off_roads(answered: Output) -> tuple[Finding, ...]:
         return tuple(off_road_findings(epochs, answered.rows, [0, n], roads.arrays).values())
@@ -270,6 +273,7 @@ def begin(
     """
     if timeline.late > 0.0:
         assume_delay(belief.state[0].vetting.latency, timeline.late)
+    belief.state[0].vetting.slow.least = timeline.least_speed
     if timeline.mode == WHEELS:
         vetting, scales = belief.state[0].vetting, whole_scales(timeline.epochs, roads.plane)
         vetting.wheel_size.scale.factor, vetting.turn_size.scale.factor = scales

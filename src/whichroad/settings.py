@@ -148,6 +148,7 @@ class Vehicle:
     counter_bits: int = 0  # 0: counters do not wrap
     odometer_scale: float = 1.0  # metres for each metre of speeds and odometers; not of counts
     right_over_left: float = 1.0  # true metres for each metre of wheel speeds, right over left
+    least_speed: float = 0.0  # m/s, below which odometry reads 0; 0: found by its readings
     gyro_scale: float = 1.0  # radians for each radian of a yaw rate
     gyro_bias: float = 0.0  # rad/s of a yaw rate while the vehicle does not turn
     antenna_forward: float = 0.0  # m, antenna ahead of the rear axle's middle
@@ -168,6 +169,10 @@ class Vehicle:
             value = getattr(self, name)
             if not 0.1 <= abs(value) <= 10.0 or (value < 0.0 and name != "gyro_scale"):
                 raise SettingError(f"{name} is {value}; 0.1 to 10 was expected")
+        if not 0.0 <= self.least_speed <= 3.0:
+            raise SettingError(
+                f"least_speed is {self.least_speed} m/s; 0 to 3 m/s was expected; is it in km/h?"
+            )
         if not abs(self.gyro_bias) <= 1.0:
             raise SettingError(
                 f"gyro_bias is {self.gyro_bias} rad/s; within 1 rad/s was expected; is it in "
@@ -253,6 +258,8 @@ def to_toml(vehicle: Vehicle) -> str:
     for name in ("odometer_scale", "right_over_left"):
         if getattr(vehicle, name) != 1.0:
             wheels[name] = getattr(vehicle, name)
+    if vehicle.least_speed:
+        wheels["least_speed_mps"] = vehicle.least_speed
     gyro = {}
     if (vehicle.gyro_scale, vehicle.gyro_bias) != (1.0, 0.0):
         gyro = {"scale": vehicle.gyro_scale, "bias_rad_s": vehicle.gyro_bias}

@@ -20,6 +20,7 @@ from oracles.compiled import compiled
 from scenes.filter import steps
 from whichroad._compile import Record, Records, kernel
 from whichroad.filter._simd import copy_record
+from whichroad.filter.creeping import count_motion
 from whichroad.filter.gnss import bias as gnss_bias
 from whichroad.filter.gnss import noise as gnss_noise
 from whichroad.filter.gnss import position as gnss
@@ -43,7 +44,7 @@ from whichroad.filter.state import (
     new_work,
     normalise,
 )  # fmt: skip
-from whichroad.filter.step import _EXCHANGE, _count_motion
+from whichroad.filter.step import _EXCHANGE
 from whichroad.graph.network import Roads, plane_scale
 from whichroad.settings import Settings, Vehicle, parameters
 
@@ -202,7 +203,7 @@ class Particles:
         epoch = self.epochs[k]
         arc = epoch.arc / pieces
         predict(self.crowd, self.ctx, self.epochs, k, pieces)
-        _count_motion(self.crowd.state[0], abs(arc), dt)
+        count_motion(self.crowd.state[0], abs(arc), dt)
         if done:
             follow_odometer(self.crowd.state[0], epoch.arc, dt * pieces)
         if epoch.has_fix and done:

@@ -26,6 +26,7 @@ FILES = st.text("abcäß漢 ._-'\"\\0189", min_size=1, max_size=12)
         metres_per_tick_left=POSITIVE,
         metres_per_tick_right=POSITIVE,
         counter_bits=st.integers(0, 64),
+        least_speed=st.floats(0.0, 3.0),
         antenna_forward=st.floats(-30.0, 30.0),
         antenna_left=st.floats(-30.0, 30.0),
         clock_offset=st.dictionaries(FILES, NUMBERS, max_size=3),

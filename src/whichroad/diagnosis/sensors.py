@@ -9,6 +9,7 @@ from ..filter.vetting.latency import found_delay
 from ..filter.vetting.motion_sources import ARC, COURSE, SPEED, TURN
 from ..filter.vetting.windows import BY_WHEELS
 from ..geodesy.angles import degrees
+from ..sensors.dead_band import LEAST
 from ..sensors.takeover import GYRO, WHEELS, Takeover
 from ..sensors.whole_columns import BACKWARDS, STANDS, TURNLESS
 from ..wording import counted
@@ -207,6 +208,21 @@ def tick_findings(turn: float) -> tuple[Finding, ...]:
         "one"
     )
     return (Finding("wheels: ticks", "information", turn, 0.0, _COARSE, text),)
+
+
+def least_speed_findings(found: float) -> tuple[Finding, ...]:
+    """Odometry that reads 0 below a speed, as its readings have told.
+
+    Args:
+        found: That speed, m/s; 0: there is none, or the vehicle tells it.
+    """
+    if not found:
+        return ()
+    text = (
+        f"it reads 0 below {found:.2f} m/s, where the vehicle may creep; "
+        f"set least_speed_mps = {found:.2f} under [wheels] in vehicle.toml (least_speed)"
+    )
+    return (Finding("odometry: least speed", "information", found, 0.0, LEAST, text),)
 
 
 def takeover_findings(takeover: Takeover | None) -> tuple[Finding, ...]:

@@ -197,7 +197,8 @@ class ConsistencyStatistics:
         cell = np.floor(np.append(self._state[0], state[:, 0]))
         self._driven, self._state = complex(driven[-1]), state[-1]
         warm = state[:, 0] > _WARM
-        self._metres += [np.abs(step[warm]).sum(), change[warm, 3].sum()]
+        counted = np.abs(step) * (table.arc != 0.0)  # who creeps below an odometer's least speed
+        self._metres += [counted[warm].sum(), change[warm, 3].sum()]
         seen = np.flatnonzero((table.has_fix > 0) & warm)
         first_in_cell = np.diff(cell[seen + 1], prepend=cell[0]) > 0
         seen = seen[first_in_cell]  # one a second at most, none while standing

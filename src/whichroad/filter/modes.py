@@ -4,6 +4,7 @@ import math
 
 from .._compile import Record, kernel
 from ._simd import copy_record
+from .creeping import creep
 from .gnss.departure import p_departed
 from .gnss.silence import FASTEST, hear, is_gap, is_pause, may_be_lost, may_have_moved
 from .gyro import forget_offset, mend_turn, restart
@@ -314,6 +315,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     vetting = state.vetting
     dt = epoch.time - state.time if vetting.begun == 1 else 0.0
     vetting.begun = 1
+    creep(vetting, reading, dt)
     sensors = DISTANCE if par.mode == WHEELS and epoch.gyro == UNTURNED else par.mode
     _withhold_repeats(vetting, reading, dt, sensors)
     if reading.has_fix:

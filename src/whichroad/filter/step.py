@@ -8,6 +8,7 @@ from .._compile import Record, entry, kernel
 from ..graph.network import plane_scale
 from . import paper
 from .along import advance_along, forward_only
+from .creeping import count_motion, unsure_of
 from .evidence.observe import observe_evidence
 from .gnss.carried import may_be_carried
 from .gnss.inflation import bias_time
@@ -200,13 +201,13 @@ def _predict(
     if state.motion == PLANE:
         _predict_wheels(belief, path, history, ctx, epoch, dt)
     elif state.motion == STAND:
-        _count_motion(state, 0.0, dt)
+        count_motion(state, 0.0, dt)
     elif state.motion == ROUTES:
         learn_driver(belief, ctx, dt)
         metres = transit(belief, path, history, ctx, epoch, dt)
         history.since[0].jumped = 1
         history.since[0].map_aged += metres
-        _count_motion(state, metres, dt)
+        count_motion(state, metres, dt)
         state.standing = max(state.standing, belief.hyp[heaviest(belief)].stood)
     else:
         metres = abs(state.speed) * dt if mode == CLOCK else abs(epoch.arc)
@@ -221,7 +222,7 @@ def _predict(
         changed = advance_along(belief, path, ctx, odometer, q) or turned
         if (mode == CLOCK and forward_only(belief, ctx)) or changed:
             state.changed = 1
-        _count_motion(state, metres, dt)
+        count_motion(state, metres, dt)
     if mode != CLOCK and dt > 1e-6 and epoch.gyro != HEARD_AGAIN:
         follow_odometer(state, epoch.arc, dt)
 
@@ -249,12 +250,12 @@ def _predict_wheels(
         q = _noise(state, epoch, wheel_noise(ctx.par[0], metres, move.turn), metres, WHEELS)
         if len(history.steps) > 0:
             accumulate_noise(history, move, q)
-        if metres > 0.0 or move.turn != 0.0:  # else nothing moves
+        if metres > 0.0 or move.turn != 0.0 or q.along > 0.0:  # else nothing moves
             back = mirrored(move, epoch)
             for i in range(state.count):
                 own = back if belief.hyp[i].backs == 1 else move
                 predict_plane(belief.hyp[i].mu, belief.hyp[i].cov, own, state.scale, q)
-        _count_motion(state, abs(epoch.arc) if heard_again else metres, dt / pieces)
+        count_motion(state, abs(epoch.arc) if heard_again else metres, dt / pieces)
     if is_alone(epoch):
         roam(belief, history, epoch, dt)
     if dt > 1e-6:
@@ -267,23 +268,10 @@ def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int)
     """Process noise of an increment, more where the odometer did not measure it."""
     if mode == CLOCK or epoch.odometry_valid != 0 or is_alone(epoch):
         state.unmeasured = 0.0
-        return noise
+        return unsure_of(state, noise)
     before = state.unmeasured
     state.unmeasured += metres
     return extrapolated(noise, before, metres)
-
-
-@kernel(inline=True)
-def _count_motion(state: Record, metres: float, dt: float) -> None:
-    """Distances and times that slow states and the map's spacing are measured by."""
-    state.since_map += metres
-    state.since_fix += metres
-    state.since_exit += metres
-    if metres > 0.05 * dt:
-        state.moving += dt
-        state.standing = 0.0
-    else:
-        state.standing += dt
 
 
 @kernel(inline=True)

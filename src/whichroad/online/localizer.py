@@ -13,6 +13,7 @@ from typing import Any
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..errors import ReadError
 from ..filter.state import CLOCK, DISTANCE, WHEELS, Context, new_belief, new_path, new_work
+from ..filter.vetting.motion_sources import ARC, BELOW
 from ..filter.vetting.windows import GYRO_ALONE, HEARD_AGAIN
 from ..global_start import start_at
 from ..lookback.smoothing import Window
@@ -30,6 +31,7 @@ from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import check_start
 from ..sensors import Sensor
 from ..sensors.beside_wheels import driven_on
+from ..sensors.dead_band import DeadBand
 from ..sensors.gnss import fix_row
 from ..sensors.gyro_turns import GyroTurns
 from ..sensors.odometry import bridged_step, true_rate
@@ -51,6 +53,8 @@ from .watched import Watched
 
 _BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
 _FARTHEST = 366 * 86400.0  # s that are predicted; of more the covariance overflows
+_BLAMED, _CREPT = 2.0, 5.0  # times the fixes' variances; m, by which places may be wrong then
+_FACTORS = ("gnss_factor", "innovation_factor", "windowed_factor", "bias_factor")
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
 
 
@@ -114,6 +118,9 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
         self._gyro = GyroTurns(self.vehicle.track_width)
+        self._band = DeadBand(self.vehicle.least_speed)  # below which the odometry reads 0
+        self._creeps = False  # it does so now
+        self._filter.belief.state[0].vetting.slow.least = self._band.least
         self._sensing = Sensing(sensors, self.roads)
         self._interval = 0.0  # s, usually between odometry readings
         self._began: float | None = None  # when the first fix came, until the next reading
@@ -215,7 +222,8 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
                     "observation; at most a year was expected; are both of one clock?"
                 )
             double.copy_from(now)
-            double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), 0)
+            valid = BELOW if self._creeps else 0
+            double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), valid)
             double.run()
             return self._answers.of(double, self._far_fix, self._clocks.behind)
 
@@ -252,7 +260,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         """What was driven since the last epoch, less what fixes in between took, as filled."""
         before, self._reading = self._reading, reading
         if before is None or type(before) is not type(reading):
-            self._odometer, self._interval = (reading.time, 0.0, 0.0), 0.0
+            self._odometer, self._interval, self._creeps = (reading.time, 0.0, 0.0), 0.0, False
             return 0.0, 0.0, 1, self._gyro.by
         taken, gap = self._odometer or (0.0, 0.0, 0.0), reading.time - before.time
         lost = self._is_lost(gap)
@@ -265,11 +273,17 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         arc, turn, valid = bridged_step(
             before, reading, self.vehicle, self._rate, self.skipped, silent
         )
+        least = self._band.least
+        self._creeps = self._band.take(before, reading, arc)
+        if self._band.least != least:
+            self._heed_least_speed()
         arc, turn = self._gyro.steered(before, reading, arc, turn)
         if unheard and not is_speed(reading):
             return self._counted_on(reading, arc, turn, dt)
         if (silent and is_speed(reading)) or (lost and isinstance(reading, WheelTicks)):
             valid = 0  # the way was longer than the turn tells
+        elif self._creeps and valid:
+            valid = BELOW
         if dt > 0:
             self._rate = (arc / dt, turn / dt)
         if self._began is not None and dt > 0:  # what was driven before the start is no one's
@@ -289,6 +303,19 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             return arc - taken[1], by_gyro, 0, HEARD_AGAIN
         part = (reading.time - taken[0]) / dt
         return arc * part, turn * part, 0, self._gyro.by
+
+    def _heed_least_speed(self) -> None:
+        """Odometry has read 0 while the vehicle crept until now, and fixes seemed to err."""
+        now, state = self._filter, self._filter.belief.state[0]
+        vetting = state.vetting
+        vetting.slow.least = self._band.least
+        vetting.refused[ARC], vetting.score[ARC], vetting.seconds[ARC] = 0, 0.0, 0.0
+        if state.gnss_factor > _BLAMED:  # begin anew at the next fix
+            state.misfits = now.ctx.par.lost_after[0]
+            for name in _FACTORS:
+                state[name] = 1.0
+        elif now.started:
+            now.widen_along(_CREPT)
 
     def _is_silent(self, seconds: float) -> bool:
         """Whether that is longer than odometry usually says nothing."""
@@ -335,7 +362,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         ahead = time - now.time if now.started else 0.0
         silent = self._reading is not None and self._is_silent(time - self._reading.time)
         if silent:
-            self._rate = (speed, 0.0)
+            self._rate, self._creeps = (speed, 0.0), False
         arc, turn, by = self._rate[0] * ahead, self._rate[1] * ahead, self._gyro.by
         if silent and now.mode == WHEELS and now.started:
             measured = self._gyro.in_silence(now.time, time)
@@ -344,7 +371,8 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             _, a, t = self._odometer
             self._odometer = (time, a + arc, t + turn)
         known = now.mode != CLOCK and not silent and (now.started or time <= now.time)
-        now.fill(time, arc, turn, known * (2 if ahead > 0.0 else 1), by)
+        valid = BELOW if self._creeps else 2
+        now.fill(time, arc, turn, known * (valid if ahead > 0.0 else 1), by)
 
     def _begin_at_start(self, time: float) -> None:
         if self._start is not None and not self._filter.started:
@@ -362,38 +390,3 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         """The estimate at the last observation that was taken."""
         with self._lock:
             return self._answers.of(self._filter, self._far_fix, self._clocks.behind)
-
-    @classmethod
-    def from_bytes(
-        cls, data: bytes, roads: RoadMap | str | Path, *,
-        vehicle: Vehicle | str | Path | None = None, settings: Settings | None = None,
-        places: Any = None, sensors: Sequence[Sensor] = (),
-    ) -> "Localizer":  # fmt: skip
-        """A localizer that goes on where another one was, to the bit.
-
-        The readings by which a clock's step is found are not kept: a state of the first three
-        after a step loses it.
-
-        Args:
-            data: What `to_bytes` gave.
-            roads: The same map, or its path.
-            vehicle: None: the car that it had; else what holds from now on.
-            settings: None: those that it had.
-            places: As the constructor takes them.
-            sensors: Those that it had, in their order.
-
-        Raises:
-            ReadError: The bytes are damaged, of another version, or no bytes.
-            MapError: They are of another map.
-            SettingError: The sensors are others than it had.
-        """
-        state = State.from_bytes(data)
-        made = state.made
-        localizer = cls(
-            roads, vehicle=vehicle or made.vehicle, settings=settings or made.settings,
-            start=made.start, lag=made.lag, places=places, sensors=sensors,
-        )  # fmt: skip
-        known = replace(state, made=made._replace(vehicle=localizer.vehicle))
-        localizer.restore(known)
-        localizer.skipped = dict(state.skipped)
-        return localizer

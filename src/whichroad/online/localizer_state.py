@@ -79,7 +79,8 @@ class Odometry(NamedTuple):
     mode: int  # WHEELS, DISTANCE or CLOCK
     gyro: list[list[float]]  # what `sensors.gyro_turns.GyroTurns` keeps
     sensed: list[Any]  # and `Sensing`,
-    clocks: list[Any]  # and `set_back.Clocks`
+    clocks: list[Any]  # and `set_back.Clocks`,
+    band: list[Any]  # whether the vehicle may creep, and `sensors.dead_band.DeadBand`
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,17 @@
 """What an on-line filter remembers, as a value to go back to, and as bytes."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from threading import RLock
-from typing import Any
+from typing import Any, Self
 
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..lookback.smoothing import Window
 from ..observations import StartPose
 from ..roadmap import RoadMap
+from ..sensors import Sensor
+from ..sensors.dead_band import DeadBand
 from ..sensors.gyro_turns import GyroTurns
 from ..settings import Settings, Vehicle
 from .epoch_filter import EpochFilter
@@ -34,6 +39,8 @@ class Remembers:
     _reading: Reading | None
     _far_fix: tuple[float, float]
     _gyro: GyroTurns
+    _band: DeadBand
+    _creeps: bool
     _sensing: Sensing
     _start: StartPose | None
     _statistics: ConsistencyStatistics
@@ -58,6 +65,41 @@ class Remembers:
         """
         return self.state().to_bytes()
 
+    @classmethod
+    def from_bytes(
+        cls, data: bytes, roads: RoadMap | str | Path, *,
+        vehicle: Vehicle | str | Path | None = None, settings: Settings | None = None,
+        places: Any = None, sensors: Sequence[Sensor] = (),
+    ) -> Self:  # fmt: skip
+        """A localizer that goes on where another one was, to the bit.
+
+        The readings by which a clock's step is found are not kept: a state of the first three
+        after a step loses it.
+
+        Args:
+            data: What `to_bytes` gave.
+            roads: The same map, or its path.
+            vehicle: None: the car that it had; else what holds from now on.
+            settings: None: those that it had.
+            places: As the constructor takes them.
+            sensors: Those that it had, in their order.
+
+        Raises:
+            ReadError: The bytes are damaged, of another version, or no bytes.
+            MapError: They are of another map.
+            SettingError: The sensors are others than it had.
+        """
+        state = State.from_bytes(data)
+        made = state.made
+        localizer = cls(  # type: ignore[call-arg]
+            roads, vehicle=vehicle or made.vehicle, settings=settings or made.settings,
+            start=made.start, lag=made.lag, places=places, sensors=sensors,
+        )  # fmt: skip
+        known = replace(state, made=made._replace(vehicle=localizer.vehicle))
+        localizer.restore(known)
+        localizer.skipped = dict(state.skipped)
+        return localizer
+
     def state(self) -> State:
         """A copy of all that this localizer remembers, to go back to by `restore`."""
         with self._lock:
@@ -67,7 +109,7 @@ class Remembers:
             odometry = Odometry(
                 self._odometer, self._rate, self._interval, self._began, self._reading,
                 self._far_fix, now.mode, self._gyro.kept(), self._sensing.kept(),
-                self._clocks.kept(),
+                self._clocks.kept(), [self._creeps, *self._band.kept()],
             )  # fmt: skip
             return State(
                 now.time, now.count, now.tables(), odometry, self._made(), dict(self.skipped),
@@ -95,6 +137,8 @@ class Remembers:
             self._gyro.restore(known.gyro)
             self._sensing.restore(known.sensed)
             self._clocks.restore(known.clocks)
+            self._creeps = known.band[0]
+            self._band.restore(known.band[1:])
             self._odometer, self._rate = known.odometer, known.rate
             self._interval, self._began = known.interval, known.began
             self._reading, self._far_fix = known.reading, known.far_fix

@@ -6,13 +6,19 @@ from ..diagnosis.findings import Finding, findings
 from ..diagnosis.further_sensors import further_findings
 from ..diagnosis.map_offset import map_error_of, outside_finding, outside_of
 from ..diagnosis.sensor_states import SensorState, states_of
-from ..diagnosis.sensors import sensor_findings, takeover_findings, tick_findings
+from ..diagnosis.sensors import (
+    least_speed_findings,
+    sensor_findings,
+    takeover_findings,
+    tick_findings,
+)
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..filter.vetting.windows import BY_WHEELS
 from ..observations import WheelTicks
 from ..places import Places
 from ..roadmap import RoadMap
 from ..sensors import Sensor
+from ..sensors.dead_band import DeadBand
 from ..sensors.gyro_turns import GyroTurns
 from ..sensors.odometry import turn_of_ticks
 from .answering import Answering
@@ -33,6 +39,7 @@ class Watched:
     _statistics: ConsistencyStatistics
     _answers: Answering
     _gyro: GyroTurns
+    _band: DeadBand
     _reading: Reading | None
     _streams: Streams
     _clocks: Clocks
@@ -87,6 +94,7 @@ class Watched:
             further = (*elsewhere, *streams, *further_findings(names, state.sensors))
             if isinstance(self._reading, WheelTicks) and self._gyro.by == BY_WHEELS:
                 further += tick_findings(turn_of_ticks(self._statistics.vehicle))
+            further += least_speed_findings(self._band.found)
             named = takeover_findings(self._gyro.takeover)
             if named:  # settings are not judged by sensors that are wrong
                 return (*further, *named, *sensor_findings(state.vetting))

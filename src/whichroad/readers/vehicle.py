@@ -32,6 +32,7 @@ _WHEELS = {
     "counter_bits": ("counter_bits",),
     "odometer_scale": ("odometer_scale",),
     "right_over_left": ("right_over_left",),
+    "least_speed_mps": ("least_speed",),
 }
 _GYRO = {"scale": ("gyro_scale",), "bias_rad_s": ("gyro_bias",)}
 _ANTENNA = {"forward_m": ("antenna_forward",), "left_m": ("antenna_left",)}

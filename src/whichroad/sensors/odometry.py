@@ -50,6 +50,8 @@ class Motion(NamedTuple):
     gyro: bool = False  # whether a gyro alone measures it: its drift runs in time
     by: Array | None = None  # (n,) what measures each step, as `filter.vetting.windows` counts it
     takeover: Takeover | None = None  # of a gyro beside wheels: which of them is wrong
+    least_speed: float = 0.0  # m/s, below which it reads 0; 0: there is no such
+    counted: bool = False  # it is counted, not a sum of speeds
     tick: float = 0.0  # rad that ticks of the wheels that measure it resolve (`turn_of_ticks`)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compile import Records
+from ..filter.vetting.motion_sources import BELOW
 from ..filter.vetting.windows import BY_WHEELS
 from ..geodesy.angles import wrap
 from ..geodesy.plane import Plane
@@ -90,10 +91,11 @@ def _at_fixes(epochs: Records, plane: Plane) -> _Drive:
     x = np.cumsum(c * epochs.forward - s * epochs.left)[rows]
     y = np.cumsum(s * epochs.forward + c * epochs.left)[rows]
     fix = epochs.fix[rows]
+    unknown = (epochs.odometry_valid == 0) | (epochs.odometry_valid == BELOW)
     scale = np.asarray(plane.scale(fix[:, 0], fix[:, 1]))
     return _Drive(
         epochs.time[rows], np.column_stack([x, y]), np.cumsum(np.abs(epochs.arc))[rows],
-        np.cumsum(epochs.odometry_valid == 0)[rows], fix[:, :2] / scale[:, None],
+        np.cumsum(unknown)[rows], fix[:, :2] / scale[:, None],
         np.sqrt(fix[:, 2] * fix[:, 3]),
     )  # fmt: skip
 

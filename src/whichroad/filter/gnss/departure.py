@@ -67,7 +67,8 @@ def note_departure(belief: Belief, epoch: Record, axes: Axes) -> None:
     """
     state = belief.state[0]
     left = state.separation.departure
-    if state.standing <= 0.0 or state.mode == CLOCK:
+    slow = state.vetting.slow.seconds > 0.0  # it may creep
+    if state.standing <= 0.0 or state.mode == CLOCK or slow:
         if is_followed_blindly(state, epoch):
             _note_stray(belief, epoch, axes)
         return

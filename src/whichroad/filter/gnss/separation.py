@@ -11,6 +11,7 @@ solution separation of ARAIM, Blanch et al. 2015, does), and hypotheses live at 
 import math
 
 from ..._compile import Record, kernel
+from ..creeping import crept
 from ..hypotheses.births import Start, cold_start
 from ..motion import GYRO_PACE, Increment, predict_plane, wheel_noise
 from ..records import COPIES
@@ -78,7 +79,7 @@ def _reckon(state: Record, par: Record, gyro: int) -> None:
     if gyro == BY_GYRO:
         clock = GYRO_PACE if abs(arc) > 0.0 else 0.0
     move = Increment(arc, anchor.turn - sums[2], c * dx + s * dy, c * dy - s * dx, clock)
-    noise = wheel_noise(par, abs(arc), move.turn)
+    noise = crept(state.vetting.slow, wheel_noise(par, abs(arc), move.turn))
     sums[0] = anchor.ox
     sums[1] = anchor.oy
     sums[2] = anchor.turn

@@ -38,6 +38,22 @@ SPIN = np.dtype(  # wheels that may turn on the spot, see `vetting.spinning`
     align=True,
 )
 
+BELOW = 3  # EPOCH.odometry_valid: 0, of odometry that tells nothing below a speed
+
+SLOW = np.dtype(  # such odometry, see `filter.creeping`
+    [
+        ("least", "f8"),  # m/s, the least speed that it tells
+        ("seconds", "f8"),  # s for which it has read 0 below that; 0: it reads more
+        ("speed", "f8"),  # m/s by the receiver since then, averaged,
+        ("known_at", "f8"),  # and when it was heard last, s; 0: never
+        ("way", "f8"),  # m that are likely in this epoch,
+        ("variance", "f8"),  # of the way of this epoch, m²,
+        ("turn", "f8"),  # and of its turn, rad²
+        ("unreckoned", "f8"),  # m², of ways that copies of the belief have not taken yet
+    ],
+    align=True,
+)
+
 TURN_OFFSET = np.dtype(  # a gyro's error that grows with the pace, see `filter.gyro`
     [
         ("mends", "f8"),  # rad/m that are added to its turns,
@@ -56,6 +72,7 @@ TURN_OFFSET = np.dtype(  # a gyro's error that grows with the pace, see `filter.
 VETTING = np.dtype(
     [
         ("windows", WINDOWS),
+        ("slow", SLOW),
         ("begun", "u1"),  # 1: an epoch was seen
         ("score", "f8", (SOURCES,)),  # s of disagreement less those of agreement, kept in bounds
         ("refused", "u1", (SOURCES,)),  # 1: not believed
