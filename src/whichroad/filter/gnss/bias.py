@@ -2,7 +2,7 @@
 
 import math
 
-from ..._compile import Record, kernel
+from ..._compile import Record, Vector, kernel
 from ..slow_states import age_bias
 from ..state import GX, GY, NOTHING, RECEIVER, WHEELS, Belief, Context, X, Y
 
@@ -12,6 +12,7 @@ _USUAL = 2.0  # sigmas within which an error is a usual one again
 _WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed,
 _WANDERS_ALONE = 2.0  # and where motion is not measured, and explains as much;
 _FINE_WANDERS = 0.3  # sigmas, of a fine one that is blamed: it is wrong by a constant,
+_CENTIMETRES, _SOLVED = 0.2, 3.0  # m, reported by one with integers; times that, before them
 _SETTLED = 30.0  # s of fixes from the start on, where the place may not have been wrong before
 
 
@@ -26,6 +27,13 @@ def trace_of(state: Record) -> float:
 def is_fine(state: Record) -> bool:
     """Whether a receiver shows how a vehicle leaves its line: its errors are below a metre."""
     return bool(0.5 * trace_of(state) < FINE**2)
+
+
+@kernel
+def is_solved(state: Record, fix: Vector) -> bool:
+    """Whether a receiver beside wheels reports centimetres since this fix: it has new integers."""
+    finer = fix[2] < _CENTIMETRES and fix[2] * _SOLVED < state.reported[1]
+    return bool(finer and state.mode == WHEELS)
 
 
 @kernel

@@ -19,7 +19,7 @@ from ..state import (
     Context,
     most_probable,
 )
-from .bias import FAULT
+from .bias import FAULT, is_solved
 from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads, most_factor, tail_of
 from .position import NU0, NU1, V00, V11
 
@@ -104,6 +104,8 @@ def _smooth_covariance(state: Record, fix: Vector, factor: float, interval: floa
         new = 1.0 - math.exp(-interval / _SMOOTHING)
         ratio = (xx + yy) / (cov[0] + cov[2])
         new /= new + min(ratio, 1.0) * (1.0 - new)  # finer ones by their information
+        if is_solved(state, fix):  # its error has nothing of the one before
+            new = 1.0
         single = 0.0 < _SINGLE * state.reported[1] <= fix[2]
         wider = ratio if single else ratio / _SPIKE
         if wider > 1.0:  # one fix with a large sigma says little of the next ones

@@ -82,6 +82,14 @@ def misfit(belief: Belief, axes: Axes) -> float:
 
 
 @kernel
+def both_live(belief: Belief, axes: Axes) -> bool:
+    """Whether a side that blames the receiver lives, and one that blames the motion."""
+    receiver, _ = fits_best(belief, axes, RECEIVER)
+    motion, _ = fits_best(belief, axes, MOTION)
+    return bool(receiver < math.inf and motion < math.inf)
+
+
+@kernel
 def _explain(belief: Belief, square: float, side: int) -> None:
     """Let a misfit be what hypotheses blame: more variance of bias, or of position.
 

@@ -26,7 +26,7 @@ from .departure import drives, is_followed_blindly, note_departure, p_strayed
 from .diverging_track import follow_track, has_diverged, may_have_turned
 from .dragged import add_places, count_dragged
 from .frequent_fixes import second_misfits
-from .gross_error import heed_gross_error, takes_back
+from .gross_error import comes_back, fork_solution, heed_gross_error, takes_back
 from .inflation import (
     bias_time,
     is_alone,
@@ -46,6 +46,7 @@ from .reported_motion import observe_motion
 from .sides import (
     MOST_ODDS,
     blame_receiver,
+    both_live,
     even_out,
     fork_biased,
     loosen,
@@ -203,8 +204,10 @@ def _take_sides(belief: Belief, ctx: Context, epoch: Record, axes: Axes) -> bool
         share = _BEGAN_SHARE
     gate = 0.0 if vetting.wavers == 1 else _SIDES * ctx.par[0].gnss_gate
     wrong_way = max(2.0 * abs(vetting.bend) if untried else 0.0, may_have_turned(belief))
-    forks = odds >= MOST_ODDS and misfit(belief, axes) > gate
-    if forks and takes_back(belief, axes, epoch.time):
+    misfits = misfit(belief, axes) > gate
+    if misfits and comes_back(belief, axes, ctx.par[0].gnss_gate):
+        return True
+    if misfits and not both_live(belief, axes) and takes_back(belief, axes, epoch.time):
         share = _BACK_SHARE
     changed, undecided = take_sides(belief, axes, gate, share, wrong_way)
     if undecided:
@@ -283,7 +286,8 @@ def _learn(belief: Belief, ctx: Context, epoch: Record, white: float) -> bool:
     doubted = epoch.time - vetting.suspect_at < _DOUBTED
     doubted = doubted and epoch.time - vetting.windows.jumped_at > _JUMPED
     undecided = epoch.time - vetting.undecided_at < _DOUBTED
-    if vetting.apart == 0 and not doubted and not undecided:
+    gross = state.mode == WHEELS and is_fine(state) and state.separation.gross.p > 0.0
+    if vetting.apart == 0 and not doubted and not undecided and not gross:
         learn_factor(belief, ctx, epoch, white, state.moving)
     else:
         state.factor_time = epoch.time
@@ -353,7 +357,7 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     par = ctx.par[0]
     state = belief.state[0]
     fix = epoch.fix
-    interval = epoch.time - state.last_fix
+    since = interval = epoch.time - state.last_fix
     if state.mode == CLOCK:
         interval *= min(1.0, max(state.speed, 0.25))
     measured = state.mode != CLOCK or epoch.speed_sigma < _DOPPLER
@@ -365,13 +369,13 @@ def observe_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> floa
     if state.mode == CLOCK:
         factor, white = observe_white(belief, ctx, epoch, factor, white)
     update_root(belief, fix, factor, max(interval, 0.0))
-    since = epoch.time - state.last_fix
     thin = max(1.0, 1.0 / max(interval, 0.01))
     axes = _axes(fix, white, thin)
     first = state.mode == CLOCK and state.motion != ROUTES
     if first:  # what they tell of the way since the last fix is no error of the receiver
         observe_motion(belief, ctx, epoch, thin)
     innovations(belief, ctx, fix, axes)
+    fork_solution(belief, ctx, epoch, axes)
     in_reach = _is_in_reach(belief, epoch, since)
     if (state.mode != CLOCK or since < _FREQUENT) and in_reach:
         note_departure(belief, epoch, axes)
