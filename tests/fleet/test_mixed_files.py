@@ -12,6 +12,7 @@ from fleet.conftest import trip
 from whichroad.batch import match_many
 from whichroad.errors import ReadError
 from whichroad.fleet import run_fleet
+from whichroad.fleet.sources import _by_header
 
 START = 1.7e9
 BERLIN = 3600  # s before UTC, in winter
@@ -176,3 +177,33 @@ def test_a_unit_that_one_name_tells_and_the_other_does_not(tmp_path, town, match
     source = folder(tmp_path / "in", first, second)
     with pytest.raises(ReadError, match=r"a\.parquet: its column 'speed' is 'speed_kmh' in .*b\.p"):
         matched(source, town, tmp_path / "out")
+
+
+def test_csv_files_of_other_headers_stay_in_their_order(town, tmp_path):
+    """Trips span files, and --order sorted says that their rows lie together."""
+    table = frame(0, 2).sort_values("time")
+    cut = [table.iloc[k : k + 30] for k in range(0, 90, 30)] + [table.iloc[90:]]
+    cut[1] = cut[1].rename(columns={"lat": "latitude"})
+    (tmp_path / "in").mkdir()
+    paths = [tmp_path / "in" / f"d{k}.csv" for k in range(4)]
+    for part, path in zip(cut, paths, strict=True):
+        part.to_csv(path, index=False)
+    assert [[p.name for p in group] for group in _by_header(paths)] == [
+        ["d0.csv"], ["d1.csv"], ["d2.csv", "d3.csv"]
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("empty", ["", "a,b\n"])
+def test_a_csv_file_without_rows_leaves_the_others_as_they_are(town, tmp_path, empty: str):
+    (tmp_path / "in").mkdir()
+    frame(0, 2).to_csv(tmp_path / "in" / "a.csv", index=False)
+    usual = by_fleet(tmp_path / "in", town, tmp_path / "before")
+    (tmp_path / "in" / "b.csv").write_text(empty)
+    check_same(by_fleet(tmp_path / "in", town, tmp_path / "after"), usual)
+
+
+@pytest.mark.parametrize("matched", [by_fleet, by_match])
+def test_an_own_name_of_a_column_holds_for_the_files_that_have_it(town, usual, tmp_path, matched):
+    named = frame(0, 4).rename(columns={"time": "ts"})
+    source = folder(tmp_path / "in", named, frame(4, 8))
+    check_same(matched(source, town, tmp_path / "out", columns={"time": "ts"}), usual)

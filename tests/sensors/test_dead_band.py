@@ -1,16 +1,28 @@
 """Odometry that reads 0 below a speed: found by its readings, and not where it reads down to 0."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 
+import geopandas
 import numpy as np
 import pytest
+from shapely import LineString
 
+from whichroad import Localizer, RoadMap
 from whichroad.observations import Odometer, WheelCounts, WheelSpeed, WheelSpeeds, WheelTicks
 from whichroad.sensors.dead_band import DeadBand, below, whole_dead_band
 from whichroad.settings import Vehicle
 
 FINE = 0.01  # s
+
+
+def straight() -> RoadMap:
+    """A road of a kilometre."""
+    road = geopandas.GeoDataFrame(geometry=[LineString([(8.70, 49.4), (8.71, 49.4)])], crs=4326)
+    return RoadMap.from_edges(road)
+
+
 KMH = 1.0 / 3.6
 CAR = Vehicle(metres_per_tick_left=0.1, metres_per_tick_right=0.1)
 
@@ -130,3 +142,28 @@ def test_pauses_between_ticks_are_no_zeros():
 def test_what_the_vehicle_tells_holds():
     log = WheelCounts(np.arange(3.0), np.zeros(3), np.zeros(3))
     assert whole_dead_band(log, (log.time, np.zeros(3)), 0.7) == 0.7
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_speeds_that_are_read_again_and_again_are_no_sign(seed: int):
+    """A sensor that measures once a second, read at 20 Hz, seldom shows a slow speed."""
+    true = drive(3.0, seed, stops=6)
+    held = np.repeat(true[::100], 100)[: len(true)]
+    assert told_by_speeds(held, 20) == 0.0
+
+
+def test_another_vehicle_holds_for_a_state_and_a_speed_that_is_withdrawn_moves_nothing():
+    localizer = Localizer(straight(), vehicle=CAR)
+    localizer.update(WheelTicks(0.0, 0, 0))
+    data = localizer.to_bytes()
+    again = Localizer.from_bytes(data, straight(), vehicle=replace(CAR, least_speed=0.6))
+    slow = again._filter.belief.state[0].vetting.slow
+    assert slow.least == 0.6
+    back = Localizer.from_bytes(again.to_bytes(), straight(), vehicle=CAR)
+    assert back._filter.belief.state[0].vetting.slow.least == 0.0
+    tables = again._filter.tables()
+    again._band.told = 0.0
+    again._heed_least_speed(0.6)
+    slow.least = 0.6
+    for before, after in zip(tables, again._filter.tables(), strict=True):
+        assert np.asarray(before).tobytes() == np.asarray(after).tobytes()

@@ -2,6 +2,8 @@
 
 import gzip
 from collections.abc import Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +17,7 @@ from ..readers.mixed_files import (
     whole_of,
     with_trip,
 )
-from ..readers.names import find
+from ..readers.names import find, normal
 from ..readers.trip_files import are_mixed, joined_schema, schemas_of
 from .inputs import Inputs, used_columns
 
@@ -112,7 +114,9 @@ class Reader(NamedTuple):
         options = CSV
         kinds = self._kinds(f"SELECT * FROM read_csv([{_all(paths)}], {options})")
         own = self.own if alone else there(self.own, kinds)
-        used = used_columns(kinds, self.trip_id, str(paths[0]), own)
+        trip = next((name for name in kinds if normal(name) == normal(self.trip_id)), self.trip_id)
+        trip = self.trip_id if self.trip_id in kinds else trip
+        used = used_columns(kinds, trip, str(paths[0]), own)
         options += f", types={{{text(used.trip)}: 'VARCHAR'}}"
         rows = f"read_csv([{_all(paths)}], {options})"
         time = quoted(used.time)
@@ -184,16 +188,23 @@ def _moment(time: str, form: str, kind: str) -> str:
 
 
 def _by_header(paths: Sequence[Path]) -> list[list[Path]]:
-    """CSV files by their first lines."""
-    groups: dict[bytes, list[Path]] = {}
-    for path in paths:
-        try:
-            with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
-                first = file.readline(_HEADER).rstrip()
-        except (OSError, EOFError):  # DuckDB will say what is wrong with it
-            first = b""
-        groups.setdefault(first, []).append(path)
-    return list(groups.values())
+    """CSV files in their order, in groups of the same first line; without those that hold none."""
+    heads = [_head(path) for path in paths]
+    some = any(holds for _, holds in heads)
+    both = zip(heads, paths, strict=True)
+    kept = [(head, path) for (head, holds), path in both if holds or not some]
+    return [[path for _, path in group] for _, group in groupby(kept, itemgetter(0))]
+
+
+def _head(path: Path) -> tuple[bytes, bool]:
+    """The first line of a CSV file, and whether another one follows it."""
+    try:
+        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
+            first, more = file.readline(_HEADER), bool(file.readline(1))
+        first.decode()
+        return first.rstrip(), more
+    except (OSError, EOFError, UnicodeDecodeError):  # DuckDB will say what is wrong with it
+        return b"", True
 
 
 def _all(paths: Sequence[Path]) -> str:

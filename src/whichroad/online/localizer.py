@@ -276,7 +276,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         least = self._band.least
         self._creeps = self._band.take(before, reading, arc)
         if self._band.least != least:
-            self._heed_least_speed()
+            self._heed_least_speed(least)
         arc, turn = self._gyro.steered(before, reading, arc, turn)
         if unheard and not is_speed(reading):
             return self._counted_on(reading, arc, turn, dt)
@@ -304,11 +304,13 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         part = (reading.time - taken[0]) / dt
         return arc * part, turn * part, 0, self._gyro.by
 
-    def _heed_least_speed(self) -> None:
+    def _heed_least_speed(self, before: float) -> None:
         """Odometry has read 0 while the vehicle crept until now, and fixes seemed to err."""
         now, state = self._filter, self._filter.belief.state[0]
         vetting = state.vetting
         vetting.slow.least = self._band.least
+        if before > 0.0:
+            return
         vetting.refused[ARC], vetting.score[ARC], vetting.seconds[ARC] = 0, 0.0, 0.0
         if state.gnss_factor > _BLAMED:  # begin anew at the next fix
             state.misfits = now.ctx.par.lost_after[0]

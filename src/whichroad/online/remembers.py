@@ -139,6 +139,7 @@ class Remembers:
             self._clocks.restore(known.clocks)
             self._creeps = known.band[0]
             self._band.restore(known.band[1:])
+            now.belief.state[0].vetting.slow.least = self._band.least  # as this vehicle says
             self._odometer, self._rate = known.odometer, known.rate
             self._interval, self._began = known.interval, known.began
             self._reading, self._far_fix = known.reading, known.far_fix

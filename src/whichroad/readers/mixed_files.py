@@ -162,7 +162,8 @@ class MixedFiles:
         """A table of a file with the values that its folders bear."""
         import pyarrow as pa
 
-        table = flattened(table, self._own)
+        names = [*table.column_names, *table.flatten().column_names]
+        table = flattened(table, there(self._own, names))
         for name, value in keys_of(path, self._below).items():
             if name not in table.column_names:
                 cells = pa.repeat(pa.scalar(value, pa.string()), table.num_rows)

@@ -84,7 +84,8 @@ def with_pauses(
     """
     said = [list(own) for own in notes]
     step = np.diff(time)
-    step[np.array(first[1:-1], np.int64) - 1] = 0.0  # from trip to trip
+    begins = np.array(first[1:-1], np.int64)
+    step[begins[(begins > 0) & (begins < len(time))] - 1] = 0.0  # from trip to trip
     whose = np.searchsorted(first, np.flatnonzero(step > _LONG), "right") - 1
     for trip in np.unique(whose).tolist():
         longest = float(step[first[trip] : first[trip + 1] - 1].max())

@@ -220,7 +220,7 @@ def _directions(cells: NDArray[Any], skipped: Counter[str]) -> NDArray[np.int8]:
     if not unknown.any():
         return along
     words = each(cells, _word)
-    number = np.array([word.lstrip("+-").isdecimal() for word in words], dtype=bool)
+    number = ~np.isnan(np.array([as_number(word) for word in words], dtype=np.float64))
     if np.count_nonzero(unknown & number) > _CODED * len(words):
         seen = Counter(word for word, is_one in zip(words, number, strict=True) if is_one)
         listed = ", ".join(f"{word} ({count:,})" for word, count in seen.most_common(_LISTED))

@@ -105,6 +105,9 @@ class DeadBand:
             counted: Whether it is a way over a time; then a start or stop splits one.
         """
         last = self._last
+        held = not counted and speed != 0.0 and last and last[-1].speed == speed
+        if held and 0.0 < time - last[-1].time < _SELDOM:  # one that is read again
+            return
         if last and not 0.0 < time - last[-1].time < _longest(counted):
             last.clear()
             self._zeros = self._stop = None
