@@ -17,6 +17,7 @@ from whichroad.readers import drive_from_table, read_drive
 from whichroad.readers.bare_times import are_clocks
 from whichroad.readers.dates import UNSAID, Writing, day_of, of_texts
 from whichroad.readers.splitting import in_time_order, split_trips
+from whichroad.readers.unread_times import year_of
 
 START = datetime(2026, 3, 28, 22, 30, 0, tzinfo=UTC)
 T0 = START.timestamp()
@@ -528,3 +529,8 @@ def test_31_february_in_nmea_is_no_date(put, nmea):
     assert drive.fixes.time[5] == pytest.approx(dated[-1] + 1.0)
     (drive,) = read_drive(put("c.nmea", bad))
     assert any("no date in the log" in note for note in drive.notes)
+
+
+def test_years_that_no_calendar_has_are_no_error():
+    assert [year_of(s) for s in (1.7e9, 4e11, -1e11)] == [2023, 14645, -1199]
+    assert year_of(1e300) > 9999

@@ -1,7 +1,6 @@
 """What is said of times that cannot be understood, are mixed, or of years that are unlikely."""
 
 import time
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from .names import Seen
 
 _NOTED = 0.05  # share of a table's rows
 _OLD = 946_684_800.0  # s, 2000: hardly anybody recorded drives before
+_FAR = 1e15  # s, the farthest year that is named
 _NEW = 1_798_761_600.0  # s, 2027: in no future, whatever the clock of a device without one says
 
 
@@ -102,13 +102,19 @@ def unlikely_notes(read: Times, seen: Seen) -> list[str]:
     if read.ticks:
         notes.append(f"times in column {name!r} taken as ticks of 100 ns, of .NET or Windows")
     if not (read.dateless or read.counted) and are_unlikely(read.seconds):
-        year = datetime.fromtimestamp(float(np.nanmedian(read.seconds)), UTC).year
+        year = year_of(float(np.nanmedian(read.seconds)))
         notes.append(
             f"times in column {name!r} are of {year}; is that right? Numbers count from 1970; "
             "those of GPS count from 1980, of Apple from 2001, of NTP from 1900: give such times "
             "as ISO 8601"
         )
     return notes
+
+
+def year_of(seconds: float) -> int:
+    """The year of a time since 1970, s, also where no calendar of Python has it."""
+    moment = np.datetime64(int(min(max(seconds, -_FAR), _FAR)), "s")
+    return 1970 + int(moment.astype("datetime64[Y]").astype(np.int64))
 
 
 def _said_of_order(taken: Taken, name: str) -> str:
