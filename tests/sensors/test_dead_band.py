@@ -123,6 +123,21 @@ def test_on_line_it_is_found_as_in_a_recording_and_kept():
     assert not creeps[:100].any()
 
 
+def test_who_has_read_a_slow_speed_is_asked_no_more():
+    """The search is over then: most sensors read down to 0."""
+    band, true = DeadBand(), drive(1.5, 6)
+    log = speeds(true, 20)
+    readings = [
+        WheelSpeed(t, v, v) for t, v in zip(log.time.tolist(), log.left.tolist(), strict=True)
+    ]
+    taken = []
+    for before, after in pairwise(readings):
+        assert not band.take(before, after, 0.025 * (before.left + after.left))
+        taken.append(band.kept())
+    first = int(np.flatnonzero((log.left[1:] > 0.0) & (log.left[1:] < 0.4))[0])
+    assert taken[first] == taken[-1]
+
+
 def test_pauses_between_ticks_are_no_zeros():
     """At 0.6 m/s a tick of 0.1 m comes every 0.17 s: readings between tell no standstill."""
     time = np.arange(0.0, 20.0, 0.05)

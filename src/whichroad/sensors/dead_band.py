@@ -84,6 +84,8 @@ class DeadBand:
         Returns:
             Whether the vehicle may have crept meanwhile: both read 0, and that tells nothing.
         """
+        if not self.told and self._slowest < LEAST:  # there is none, whatever comes
+            return False
         dt, speed = reading.time - before.time, _speed(reading)
         counted = speed is None
         rests = arc == 0.0 if counted else speed == 0.0 and _speed(before) == 0.0
