@@ -275,7 +275,7 @@ def test_the_lane_is_carried_on_straight_ahead_and_drawn_anew_round_a_corner(g: 
 
 @given(gaussians, st.floats(-3.0, 3.0), st.floats(0.0, 2.0), st.floats(-2.0, 2.0))
 def test_a_vehicle_that_follows_its_road_moves_across_it_with_its_lane(g, direction, turn, shift):
-    """P + n (d' − d), with d' = d̄ + c (d − d̄) + w: F and Q by hand."""
+    """P + n (d' − d), with d' = d̄' + c (d − d̄) + w, w ~ (1 − c²) σ² + (d̄' − d̄)²: by hand."""
     tangent = (math.cos(direction), math.sin(direction))
     n = np.array([tangent[1], -tangent[0]])
     kept = float(np.interp(turn, [0.2, 0.3], [1.0, 0.0]))
@@ -284,7 +284,7 @@ def test_a_vehicle_that_follows_its_road_moves_across_it_with_its_lane(g, direct
     f[[X, Y], D] = n * (kept - 1.0)
     w = np.zeros(N)
     w[[X, Y, D]] = *n, 1.0
-    q = (1.0 - kept**2) * 1.8**2 * np.outer(w, w)
+    q = ((1.0 - kept**2) * 1.8**2 + shift**2) * np.outer(w, w)
     expected = g.mean.copy()
     new = 1.75 + shift + kept * (g.mean[D] - 1.75)
     expected[[X, Y]] += n * (new - g.mean[D])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 from .._compile import Record, kernel
 from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
 from ..graph.network import is_at_node
+from ._simd import add_times
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
 from .hypotheses.branching import (
     BRANCH_THRESHOLD,
@@ -20,6 +21,7 @@ from .hypotheses.branching import (
 from .hypotheses.no_sign import own_arc
 from .motion import ACROSS, Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
+from .slow_states import decay
 from .state import (
     MX,
     MY,
@@ -40,7 +42,9 @@ from .state import (
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
-CORNER_SIGMA = 3.0  # m/rad, of the distance driven in a corner
+CORNER_SIGMA = 1.5  # m/rad, of the distance driven in a corner
+_WOBBLE, _CORNERED = 10.0, 0.3  # m, rad of the road's turn, over which a heading about it lasts
+_REDRAWN = 0.03  # of it, below which nothing is kept
 _FULL_TURN = 1.6  # rad, cap of a corner
 _FORWARD_EVERY = 0.95  # s between truncations of the speed
 _REVERSE = -0.5  # m/s, lowest speed without odometry
@@ -73,6 +77,49 @@ def _about_road(ctx: Context, edge: int, segment: int, s: float) -> float:
     return float(variance)
 
 
+@kernel
+def keep_about(about: float, way: float, bent: float) -> tuple[float, float]:
+    """What is kept of a heading about its road's over a way (m) on which the road turns (rad).
+
+    Returns:
+        φ, and the derivative of φ times the heading by the way, rad/m.
+    """
+    keep = math.exp(-abs(way) / _WOBBLE - bent / _CORNERED)
+    return keep, -math.copysign(keep / _WOBBLE, way) * about
+
+
+@kernel
+def _see_ahead(state: Record, usual: float) -> None:
+    """The variance of headings about roads is that of the last epoch, `usual` rad at least."""
+    state.about_road[0] = max(state.about_road[1], usual * usual)
+    state.about_road[1] = 0.0
+
+
+@kernel(inline=True)
+def _wobble(
+    hyp: Record, state: Record, odometer: float, turn: float, tangent: tuple[float, float]
+) -> None:
+    """One Gauss-Markov step of a heading about its road's, which has turned to a tangent.
+
+    Nothing renews it where the vehicle stands, and it varies alike for all hypotheses: an antenna
+    ahead of M moves with it, and who expects more of that pays for it with every fix.
+    """
+    mean, cov = hyp.mu, hyp.cov
+    heading = math.atan2(tangent[1], tangent[0])
+    about = wrap(mean[H] - heading + turn)
+    keep, rate = keep_about(about, odometer * mean[K], min(abs(turn), _FULL_TURN))
+    if keep < _REDRAWN:
+        redraw(hyp, H, heading, state.about_road[0])
+        return
+    mean[H] = heading + about
+    decay(mean, cov, H, heading, keep, state.about_road[0])
+    mean[H] = wrap(mean[H])
+    add_times(cov[H], rate * odometer, cov[K])
+    for j in range(N):
+        cov[j, H] = cov[H, j]
+    cov[H, H] += rate * odometer * cov[H, K]
+
+
 @kernel(inline=True)
 def _move_to(
     belief: Belief, ctx: Context, i: int, to: Advance, noise: Noise, low: float, high: float
@@ -89,7 +136,6 @@ def _move_to(
     shrink = variance / (to.sigma * to.sigma)
     segment, cx, cy, nx, ny = locate(roads, edge, hyp.segment, at)
     knows = belief.state[0].knows_heading
-    heading = 0.0 if knows else math.atan2(ny, nx)  # of the road
     turn = angle_of(to.tx * nx + to.ty * ny, to.tx * ny - to.ty * nx)
     bent = min(abs(turn), _FULL_TURN)
     if bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
@@ -99,16 +145,19 @@ def _move_to(
     variance += corner
     mean = hyp.mu
     cov = hyp.cov
-    q = Noise(noise.along + corner, 0.0, 0.0, noise.rate, 0.0, noise.cross)
+    q = Noise(noise.along, 0.0, 0.0, noise.rate, 0.0, noise.cross)
     if knows:
         turn_by_road(mean, cov, turn_within(roads, edge, segment, to.begin, at), noise.heading)
     else:
-        redraw(hyp, H, heading, _about_road(ctx, edge, segment, at))
+        _wobble(hyp, belief.state[0], to.odometer, turn, (nx, ny))
+        belief.state[0].about_road[1] += hyp.weight * _about_road(ctx, edge, segment, at)
     predict_road(cov, to.odometer, turn, nx, ny, q)
     add_across(cov, ACROSS * abs(to.odometer * mean[K]), nx, ny)
     scale = belief.state[0].scale
     if shrink < 0.9999:
         reshape_on_map(mean, cov, nx, ny, shift, shrink, scale)
+    if corner > 0.0:  # not before: the part that has turned is no surer of where it did
+        add_across(cov, corner, -ny, nx)
     mean[X] = cx + scale * (to.lateral * ny - mean[MX])
     mean[Y] = cy + scale * (-to.lateral * nx - mean[MY])
     hyp.segment = segment
@@ -148,14 +197,24 @@ def _move_straight(belief: Belief, hyp: Record, odometer: float, noise: Noise) -
     predict_plane(hyp.mu, hyp.cov, move, belief.state[0].scale, noise)
 
 
+@kernel
+def _sigma_ahead(hyp: Record, own: float, noise: float) -> float:
+    """Sigma of a tracked hypothesis' abscissa behind an increment, m."""
+    cov = hyp.cov
+    tx, ty = hyp.tangent[0], hyp.tangent[1]
+    cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
+    variance = hyp.along_sigma**2 + own * (2.0 * cross + own * cov[K, K])
+    return math.sqrt(max(variance + noise, 1e-4))
+
+
 @kernel(inline=True)
 def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noise: Noise) -> bool:
     """Move the hypotheses on roads by κ δ along them, branching where roads branch.
 
-    For vehicles without a heading sensor: the turn is that of the road.  Where a course was
-    heard a moment ago, the heading turns with the road within an edge, and walks at random as off
-    the roads, so that it is not drawn anew for every fix; at nodes the courses tell it.  Off the
-    roads vehicles move straight on.
+    For vehicles without a heading sensor: the turn is that of the road, about which the heading
+    varies.  Where a course was heard a moment ago, the heading turns with the road within an edge,
+    and walks at random as off the roads; at nodes the courses tell it.  Off the roads vehicles
+    move straight on.
 
     Args:
         belief: In place; children are appended.
@@ -168,6 +227,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         Whether anything branched.
     """
     changed = False
+    _see_ahead(belief.state[0], ctx.par[0].edge_heading_sigma)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
@@ -175,12 +235,9 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         track(belief, ctx.roads, i)
         lateral, tx, ty = hyp.lateral, hyp.tangent[0], hyp.tangent[1]
         begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
-        cov = hyp.cov
         own = own_arc(hyp, odometer)
         s = begin + own * hyp.mu[K]
-        cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
-        variance = hyp.along_sigma**2 + own * (2.0 * cross + own * cov[K, K])
-        sigma = math.sqrt(max(variance + noise.along, 1e-4))
+        sigma = _sigma_ahead(hyp, own, noise.along)
         hyp.bound = min(s + (hyp.bound - begin) * sigma / hyp.along_sigma, NO_BOUND)
         hyp.along_sigma = sigma
         after, s = run_on(belief, path, ctx, i, s)

@@ -120,6 +120,7 @@ FILTER = np.dtype(
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
         ("observed", "u1"),  # 1: its fix was observed
         ("knows_heading", "u1"),  # 1: the heading is the vehicle's own, and not the road's
+        ("about_road", "f8", (2,)),  # variance of headings about roads, rad²; in the next epoch
         ("course_time", "f8"),  # of the last course over ground, s
         ("heading_time", "f8"),  # of the last heading that a further sensor told, s
         ("forward_time", "f8"),  # of the last truncation to forward speeds, s
@@ -397,9 +398,7 @@ def spawn(belief: Belief, i: int, share: float, edge: int, segment: int) -> int:
 @kernel
 def lane_mean(ctx: Context, edge: int) -> float:
     """Usual offset right of the centre line of an edge, m; 0 off the roads."""
-    if edge < 0:
-        return 0.0
-    return float(ctx.par[0].side * ctx.roads.edges[edge].lane)
+    return 0.0 if edge < 0 else float(ctx.par[0].side * ctx.roads.edges[edge].lane)
 
 
 @kernel

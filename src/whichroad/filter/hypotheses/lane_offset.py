@@ -28,7 +28,9 @@ def change_lane(
     For vehicles that follow their road: their place across it is where the lane is, and not
     observed.  Else a change of lanes would count against the road that has it.
 
-        p⁺ = p + n (d⁺ − d),    n to the right
+        d⁺ = d̄' + c (d − d̄) + e,    p⁺ = p + n (d⁺ − d),    n to the right
+
+    Where the usual lane is another one, it takes some metres to get there: e ~ (d̄' − d̄)².
 
     Args:
         mean: State, (N,), in place.
@@ -52,7 +54,9 @@ def change_lane(
             cov[j, X] += share * nx * cov[j, D]
             cov[j, Y] += share * ny * cov[j, D]
     redraw_lane(mean, cov, turn, old, new, sigma)
-    added = (1.0 - kept * kept) * sigma * sigma
+    moves = (new - old) ** 2
+    added = (1.0 - kept * kept) * sigma * sigma + moves
+    cov[D, D] += moves
     cov[X, X] += added * nx * nx
     cov[Y, Y] += added * ny * ny
     cov[X, Y] += added * nx * ny

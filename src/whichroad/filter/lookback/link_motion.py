@@ -50,7 +50,9 @@ from .link_road import (
     add_road_noise,
     keep_heading,
     move_on_road,
+    move_with_lane,
     skipped_along,
+    wobble,
 )
 from .packed_noise import unpack_noise
 
@@ -70,6 +72,7 @@ LINK_MODEL = np.dtype(
         ("root", "f8", (N, N)),  # Cholesky factor of P⁻, scaled, its columns as rows
         ("gain", "f8", (N, N)),  # Gᵀ
         ("scale", "f8"),  # plane metres per true metre
+        ("about", "f8"),  # heading of xᵢ about its road's, rad
     ],
     align=True,
 )
@@ -151,6 +154,8 @@ def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link
     f[D, D] = kept
     model.mu[D] = lane_mean(ctx, edge) + kept * (mean[D] - then_lane)
     q[D] = (1.0 - kept * kept) * sigma * sigma
+    if edge != OFF_ROAD and then_edge != OFF_ROAD:
+        q[D] += (lane_mean(ctx, edge) - then_lane) ** 2
     kept = keep_map(par, then.map_rate, motion.map_aged)
     slower = max(1.0, math.sqrt(mean[GX] ** 2 + mean[GY] ** 2) / 3.0)
     gnss_kept = math.exp(-motion.gnss_aged / (par.gnss_time * slower))
@@ -185,6 +190,14 @@ def _turn_between(roads: Roads, then_edge: int, edge: int) -> float:
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
+@kernel
+def _change_lane(model: Record, ctx: Context, then_edge: int, edge: int) -> None:
+    """Moved across the road from one edge to another, where that has lanes of its own."""
+    if then_edge != edge:
+        lanes = lane_mean(ctx, then_edge), lane_mean(ctx, edge), lane_sigma(ctx, edge)
+        move_with_lane(model, kept_lane(_turn_between(ctx.roads, then_edge, edge)), lanes)
+
+
 @kernel(inline=True)
 def _move(model: Record, history: History, path: Path, ctx: Context, link: Link) -> bool:
     """Position, heading and rate by the motion since the step before; whether it is known."""
@@ -195,9 +208,7 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     if motion.switched > 0 or backed > 0:  # the motion is that of vehicles that drive on
         return False
     if motion.mode == WHEELS:
-        step = Increment(
-            motion.arc, motion.turn, motion.forward, motion.left, motion.clock
-        )  # fmt: skip
+        step = Increment(motion.arc, motion.turn, motion.forward, motion.left, motion.clock)
         _move_in_plane(model, motion, step)
         return True
     odometer = motion.arc
@@ -216,15 +227,14 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     distance = odometer * mean[K]
     advance = Advance(then.edge, then.segment, edge, skipped, distance, odometer)
     bent = move_on_road(model, ctx.roads, advance, True)
-    corner = (CORNER_SIGMA * bent) ** 2
-    add_road_noise(
-        model,
-        Noise(
-            motion.road_noise[0] + corner, ACROSS * abs(distance), par.edge_heading_sigma**2,
-            motion.road_noise[2], 0.0, motion.road_noise[1],
-        ),
-    )  # fmt: skip
-    if not motion.drawn:
+    along = motion.road_noise[0] + (CORNER_SIGMA * bent) ** 2
+    across, usual = ACROSS * abs(distance), par.edge_heading_sigma**2
+    rate, cross = motion.road_noise[2], motion.road_noise[1]
+    add_road_noise(model, Noise(along, across, usual, rate, 0.0, cross))
+    _change_lane(model, ctx, then.edge, edge)
+    if motion.drawn:
+        wobble(model, advance, bent, usual)
+    else:
         keep_heading(model, history, ctx.roads, link)
     return True
 

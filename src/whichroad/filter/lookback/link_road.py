@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..._compile import Record, Vector, kernel
 from ...graph.geometry import locate, project, turn_within, wrap
 from ...graph.network import Roads
-from ..along import CORNER, CORNER_RADIUS
+from ..along import CORNER, CORNER_RADIUS, keep_about
 from ..motion import Noise, rate_of_turn
 from ..state import MX, MY, OFF_ROAD, D, H, K, Path, X, Y
 from .history import History
@@ -108,7 +108,50 @@ def move_on_road(model: Record, roads: Roads, advance: Advance, corners: bool) -
     model.mu[Y] = cy - across * nx - scale * mean[MY]
     model.mu[H] = heading
     model.mu[K] = mean[K]
+    model.about = wrap(mean[H] - math.atan2(ty, tx))
     return bent
+
+
+@kernel
+def move_with_lane(model: Record, kept: float, lanes: tuple[float, float, float]) -> None:
+    """Moved across the road with its lane offset, as `hypotheses.lane_offset.change_lane` does.
+
+    Args:
+        model: F, Q and the mean are those along the road; in place.
+        kept: What is kept of the lane offset at the node.
+        lanes: Usual lane offset before and after, m, and its sigma after.
+    """
+    old, new, sigma = lanes
+    nx, ny = math.sin(model.mu[H]), -math.cos(model.mu[H])  # to the right
+    share = kept - 1.0
+    shift = new - old + share * (model.then_mean[D] - old)
+    model.mu[X] += model.scale * nx * shift
+    model.mu[Y] += model.scale * ny * shift
+    model.f[X, D] += share * nx
+    model.f[Y, D] += share * ny
+    variance = (1.0 - kept * kept) * sigma * sigma + (new - old) ** 2
+    model.q[X] += variance * nx * nx
+    model.q[Y] += variance * ny * ny
+    model.cov[X, Y] += variance * nx * ny
+    model.cov[X, D] += variance * nx
+    model.cov[Y, D] += variance * ny
+
+
+@kernel
+def wobble(model: Record, advance: Advance, bent: float, variance: float) -> None:
+    """The heading about the road's, of which a share is kept, as `along.advance_along` does.
+
+    Args:
+        model: Its heading is the road's; in place.
+        advance: The displacement.
+        bent: Turn of the road, rad.
+        variance: Of headings about roads, rad².
+    """
+    keep, rate = keep_about(model.about, advance.distance, bent)
+    model.mu[H] = wrap(model.mu[H] + keep * model.about)
+    model.f[H, H] = keep
+    model.f[H, K] = rate * advance.odometer
+    model.q[H] = (1.0 - keep * keep) * variance
 
 
 @kernel
