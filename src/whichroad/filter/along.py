@@ -42,8 +42,8 @@ from .state import (
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
-CORNER_SIGMA = 1.5  # m/rad, of the distance driven in a corner
-_WOBBLE, _CORNERED = 10.0, 0.3  # m, rad of the road's turn, over which a heading about it lasts
+_CORNER_SIGMA = 2.6  # m/rad, of the distance driven in a corner
+_WOBBLE, _CORNERED = 5.0, 0.3  # m, rad of the road's turn, over which a heading about it lasts
 _REDRAWN = 0.03  # of it, below which nothing is kept
 _FULL_TURN = 1.6  # rad, cap of a corner
 _FORWARD_EVERY = 0.95  # s between truncations of the speed
@@ -75,6 +75,12 @@ def _about_road(ctx: Context, edge: int, segment: int, s: float) -> float:
     if is_at_node(roads, edge, s, par.node_radius):
         variance += par.node_heading_sigma**2
     return float(variance)
+
+
+@kernel
+def corner_variance(bent: float) -> float:
+    """Variance of the distance driven where the road turns by so many rad, m²."""
+    return (_CORNER_SIGMA * bent) ** 2
 
 
 @kernel
@@ -141,7 +147,7 @@ def _move_to(
     if bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
         at += CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
         segment, cx, cy, nx, ny = locate(roads, edge, segment, at)
-    corner = (CORNER_SIGMA * bent) ** 2
+    corner = corner_variance(bent)
     variance += corner
     mean = hyp.mu
     cov = hyp.cov

@@ -16,7 +16,7 @@ from .gnss.noise import observe_across
 from .gnss.separation import watch
 from .gnss.silence import SPARSE, observe_after_silence, stands
 from .gnss.standstill import driven_off
-from .gnss.start import is_far_finer, start_at_fix
+from .gnss.start import is_anywhere, is_far_finer, start_at_fix
 from .gnss.update import observe_fix, observe_standing
 from .gyro import rest
 from .hypotheses.births import exchange_off_road, turn_round, turn_with_heading
@@ -153,6 +153,7 @@ def _begin_epoch(belief: Belief, ctx: Context, epoch: Record) -> float:
     state.scale = plane_scale(ctx.roads, x, y)
     gap = dt > _LONGEST if state.mode == CLOCK else abs(epoch.arc) > _FARTHEST
     lost = gap or state.misfits >= par.lost_after or is_far_finer(state, epoch)
+    lost = lost or is_anywhere(belief, epoch)
     if epoch.has_fix and (not state.started or (lost and not par.paper)):
         state.motion = START
         state.changed = 1

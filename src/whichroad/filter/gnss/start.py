@@ -6,7 +6,7 @@ from ..._compile import Record, kernel
 from ..gyro import restart
 from ..hypotheses.births import Start, cold_start
 from ..map_error import forget_map
-from ..state import CLOCK, WHEELS, Belief, Context, Path
+from ..state import CLOCK, WHEELS, Belief, Context, Path, X, Y
 from .inflation import is_inflated, tail_of
 from .noise import update_root
 from .position import has_course
@@ -14,6 +14,8 @@ from .sides import keep_bias
 
 COARSE = 40.0  # m, sigma of a fix about which the roads of a town are too many to follow them all
 _FINER = 3.0  # times
+_LONG_WAY = 100.0  # m without a fix, behind which hypotheses may be anywhere:
+_ANYWHERE, _FINE = 150.0, 10.0  # m, least sigma of them, and over that of the fix
 
 
 @kernel
@@ -80,6 +82,23 @@ def is_far_finer(state: Record, epoch: Record) -> bool:
     """Whether a fix is so much finer than all since a coarse start that it had better begin."""
     finer = state.reported[0] > COARSE and epoch.fix[2] * _FINER < state.reported[0]
     return bool(epoch.has_fix and finer)
+
+
+@kernel
+def is_anywhere(belief: Belief, epoch: Record) -> bool:
+    """Whether a fix tells far more than all hypotheses do, and had better begin.
+
+    Where odometry was withheld for long, each of them is sure to hundreds of metres only.  The
+    few dozen roads that they are on stand for thousands, so that a fix beside all of them is
+    rather right than a jump.
+    """
+    state = belief.state[0]
+    if not epoch.has_fix or state.since_fix < _LONG_WAY:
+        return False
+    square = 0.0
+    for i in range(state.count):
+        square += belief.hyp[i].weight * (belief.hyp[i].cov[X, X] + belief.hyp[i].cov[Y, Y])
+    return bool(square > max(_ANYWHERE, _FINE * epoch.fix[2]) ** 2)
 
 
 @kernel(inline=True)

@@ -17,7 +17,7 @@ from ..._compile import Record, Vector, kernel
 from ...graph.geometry import locate, project, wrap
 from ...graph.network import Roads
 from .._simd import N, add_times, set_times
-from ..along import CORNER_SIGMA
+from ..along import corner_variance
 from ..hypotheses.lane_offset import kept_lane
 from ..motion import ACROSS, Increment, Noise
 from ..slow_states import keep_lane, keep_map
@@ -227,7 +227,7 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     distance = odometer * mean[K]
     advance = Advance(then.edge, then.segment, edge, skipped, distance, odometer)
     bent = move_on_road(model, ctx.roads, advance, True)
-    along = motion.road_noise[0] + (CORNER_SIGMA * bent) ** 2
+    along = motion.road_noise[0] + corner_variance(bent)
     across, usual = ACROSS * abs(distance), par.edge_heading_sigma**2
     rate, cross = motion.road_noise[2], motion.road_noise[1]
     add_road_noise(model, Noise(along, across, usual, rate, 0.0, cross))
