@@ -118,6 +118,104 @@ def test_a_line_that_ends_beside_its_named_node_is_drawn_on_to_it(line, check):
     assert max(roads.arrays.edges.length) == pytest.approx(100, abs=0.01)
 
 
+def _named(lines, origin, target, **more):
+    return geopandas.GeoDataFrame(
+        {"id": range(len(lines)), "from": origin, "to": target, **more}, geometry=lines, crs=4326
+    )
+
+
+def _lengths(roads):
+    edges = roads.arrays.edges
+    ends = zip(roads.node_ids(edges.from_node), roads.node_ids(edges.to_node), strict=True)
+    return {pair: (round(float(m)), int(r))
+            for pair, m, r in zip(ends, edges.length, edges.rule, strict=True)}  # fmt: skip
+
+
+CROSS = [((0, 0), (300, 0)), ((300, 0), (300, 400)), ((300, 0), (700, 0)), ((300, 0), (300, -500))]
+CROSS_NODES = [(1, 2), (2, 3), (2, 4), (2, 5)]
+
+
+@given(st.lists(st.booleans(), min_size=4, max_size=4), st.permutations(range(4)))
+def test_lines_may_name_their_nodes_in_any_order(line, swapped, order):
+    once = ["no", "yes", "yes", "-1"]
+    lines = [line(*CROSS[i]) for i in order]
+    once = [once[i] for i in order]
+    straight = [CROSS_NODES[i] for i in order]
+    named = [pair[::-1] if swapped[i] else pair for i, pair in zip(order, straight, strict=True)]
+    table = _named(lines, *zip(*named, strict=True), oneway=once)
+    roads = RoadMap.from_edges(table)
+    whole = RoadMap.from_edges(_named(lines, *zip(*straight, strict=True), oneway=once))
+    assert _lengths(roads) == _lengths(whole)  # directions are those of the drawing
+    why = "lines drawn from their second node to their first (nodes exchanged)"
+    assert roads.info()["skipped"] == ({why: sum(swapped)} if any(swapped) else {})
+
+
+def test_a_line_alone_that_names_its_nodes_in_both_orders_is_one_road(line, check):
+    lines = [line((0, 0), (300, 0))] * 2
+    roads = RoadMap.from_edges(_named(lines, [1, 2], [2, 1], oneway=["no", "no"]))
+    check(roads)
+    assert _lengths(roads) == {(1, 2): (300, 0), (2, 1): (300, 0)}
+
+
+def test_a_line_shorter_than_ends_may_lie_apart_joins_its_nodes_in_any_order(line):
+    lines = [
+        line((0, 0), (300, 0)),
+        line((300, 0), (300.4, 0)),
+        line((300.4, 0), (600, 0)),
+        line((300, 0), (300, -200)),
+        line((300.4, 0), (300.4, 200)),
+    ]
+    roads = RoadMap.from_edges(_named(lines, [1, 3, 4, 2, 3], [2, 2, 3, 5, 6], oneway=["no"] * 5))
+    assert {(1, 2), (2, 3), (3, 4), (2, 5), (3, 6)} < set(_lengths(roads))
+
+
+def test_where_rows_are_directions_the_nodes_tell_which(line, check):
+    lines = [line(*points) for points in CROSS]
+    there, back = zip(*CROSS_NODES, strict=True)
+    for table in (
+        _named(lines * 2, [*there, *back], [*back, *there]),
+        _named(lines[:3] * 2, [*there[:3], *back[:3]], [*back[:3], *there[:3]]),
+    ):
+        roads = RoadMap.from_edges(table)
+        check(roads)
+        assert not roads.arrays.edges.rule.any()
+        turned = {
+            "lines drawn from their second node to their first (lines turned)": len(table) // 2
+        }
+        assert roads.info()["skipped"] == turned
+        assert set(roads.sources(np.arange(len(roads)), 1.0)[0]) == set(table.id)
+    table = _named(lines, there, back, cost=[1.0] * 4, reverse_cost=[-1.0] * 4)
+    table.loc[3, ["from", "to"]] = 5, 2
+    rule = _lengths(RoadMap.from_edges(table))
+    assert rule[5, 2] == (500, 0)
+    assert rule[2, 5][1] > 0
+
+
+def test_of_two_way_roads_the_drawing_stays(line):
+    table = _named([line(*points) for points in CROSS], [1, 3, 2, 2], [2, 2, 4, 5])
+    roads = RoadMap.from_edges(table)
+    pairs = zip(roads.node_ids(roads.arrays.edges.from_node), range(len(roads)), strict=True)
+    forward = {n: roads.source(e, 1.0) for n, e in pairs if roads.source(e, 1.0)[0] == 1}
+    assert forward == {2: (1, True), 3: (1, False)}
+
+
+def test_a_node_lies_where_most_lines_have_it_and_far_ends_do_not_meet_it(line, check):
+    lines = [line((0, 0), (100, 250)), *(line(*points) for points in CROSS)]
+    table = _named(lines, [9, *(a for a, _ in CROSS_NODES)], [2, *(b for _, b in CROSS_NODES)])
+    roads = RoadMap.from_edges(table, directed=False)
+    check(roads)
+    assert roads.info()["skipped"] == {"ends over 100 m from their node (not joined to it)": 1}
+    found = sorted(round(float(m)) for m in roads.arrays.edges.length)
+    assert found == [269, 269, 300, 300, 400, 400, 400, 400, 500, 500]
+
+
+def test_ends_that_are_drawn_on_by_more_than_a_junction_are_told(line):
+    lines = [line(*points) for points in CROSS]
+    lines[1] = line((300, 40), (300, 400))
+    roads = RoadMap.from_edges(_named(lines, *zip(*CROSS_NODES, strict=True)), directed=False)
+    assert roads.info()["skipped"] == {"ends drawn on to their node by over 20 m": 1}
+
+
 def test_from_and_to_that_are_no_nodes_are_refused(line):
     lines = [line((1000 * i, 0), (1000 * i + 300, 0)) for i in range(9)]
     table = geopandas.GeoDataFrame(

@@ -7,6 +7,7 @@ import geopandas
 import networkx
 import numpy as np
 import pytest
+import shapely
 
 import whichroad
 from whichroad import RoadMap
@@ -120,6 +121,24 @@ def test_an_undirected_graph_is_driven_both_ways():
     graph.add_node(2, x=8.701, y=49.4)
     graph.add_edge(1, 2, highway="residential")
     assert RoadMap.from_edges(graph).arrays.edges.rule.tolist() == [0, 0]
+
+
+def test_edges_of_an_undirected_graph_may_name_their_nodes_in_any_order(graph, roads, osmnx):
+    once = osmnx.graph_to_gdfs(osmnx.convert.to_undirected(graph), nodes=False).reset_index()
+    assert (once.u != once["from"]).any()
+    same(RoadMap.from_edges(once.drop(columns=["from", "to"])), roads, names=False)
+
+
+def test_a_graph_made_directed_keeps_both_directions_of_each_line():
+    graph = networkx.MultiGraph(crs="EPSG:4326")
+    places = [(8.7, 49.4), (8.701, 49.4), (8.701, 49.401)]
+    for node, (x, y) in enumerate(places):
+        graph.add_node(node, x=x, y=y)
+    for node in (0, 1):
+        graph.add_edge(node, node + 1, geometry=shapely.LineString(places[node : node + 2]))
+    made = RoadMap.from_edges(graph.to_directed())
+    same(made, RoadMap.from_edges(graph))
+    assert not made.arrays.edges.rule.any()
 
 
 def test_damaged_graphml_is_refused_by_name_or_is_a_sound_map(graph, check, tmp_path, osmnx):

@@ -1,6 +1,6 @@
 """Which lines of a table meet where, and which draw the same road twice."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,15 @@ from ..geodesy.plane import Plane
 from ..observations import Array
 from . import topology
 from .lines import Lines
+from .named_nodes import drawn_back, homes
 from .sheet import is_absent, plain
 from .streets import Bytes, Column, Ints, Texts
 
 SNAP = 0.5  # m within which ends meet, and vertices are the same
+_SAME = 0.1  # m within which ends of named nodes are one place: digits are cut
 _FARTHEST = 100.0  # m, distance of an end from its node that counts as wrong
+_BEYOND = 20.0  # m, more than a junction is wide: an end that far from its node may be wrong
+_TURNED = (" (nodes exchanged)", " (lines turned)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +49,9 @@ class Links:
 
 
 def link(
-    lines: Lines, origin: NDArray[Any] | None, target: NDArray[Any] | None, level: Ints, where: str
-) -> Links:
+    lines: Lines, origin: NDArray[Any] | None, target: NDArray[Any] | None, level: Ints,
+    where: str, *, turn: bool = False,
+) -> Links:  # fmt: skip
     """Find the nodes of lines.
 
     Args:
@@ -56,6 +61,8 @@ def link(
         target: (rows,) names of those at which rows end.
         level: (n,) lines of different levels meet at their ends only.
         where: Name of the table, for errors.
+        turn: Whether lines that are drawn from their target to their origin are turned, as the
+            names tell the direction; else their names are exchanged, as the drawing does.
 
     Returns:
         The linked lines.
@@ -66,7 +73,7 @@ def link(
     plane = middle_plane(lines.lat_deg, lines.lon_deg)
     x, y = plane.from_geodetic(lines.lat_deg, lines.lon_deg)
     if origin is not None and target is not None:
-        return _named(lines, x, y, origin[lines.row], target[lines.row], where)
+        return _named(lines, x, y, origin[lines.row], target[lines.row], where, turn)
     return _inferred(lines, plane, x, y, level)
 
 
@@ -80,12 +87,13 @@ def middle_plane(lat_deg: Array, lon_deg: Array) -> Plane:
 
 
 def _named(
-    lines: Lines, x: Array, y: Array, origin: NDArray[Any], target: NDArray[Any], where: str
-) -> Links:
+    lines: Lines, x: Array, y: Array, origin: NDArray[Any], target: NDArray[Any], where: str,
+    turn: bool,
+) -> Links:  # fmt: skip
     """Lines whose end nodes have names.
 
-    A node lies where its first line has it.  A line that ends elsewhere keeps its own last
-    vertex and is drawn on to the node.
+    A node lies where most of its lines have it.  A line that ends beside it keeps its own last
+    vertex and is drawn on to the node; one that ends far from it stays without.
     """
     known, skipped = _with_nodes(lines, origin, target)
     inside = np.repeat(known, np.diff(lines.first))
@@ -93,23 +101,41 @@ def _named(
     # row by row: its beginning, its end
     code, node_id = _codes(np.stack([origin[known], target[known]], axis=1).ravel())
     ends = np.stack([lines.first[:-1], lines.first[1:] - 1], axis=1).ravel()
-    _, place = np.unique(code, return_index=True)
-    home = ends[place]
+    place = _joined(x[ends], y[ends], _SAME)[2]
+    back = drawn_back(code, place)
+    if back.any():
+        skipped[f"lines drawn from their second node to their first{_TURNED[turn]}"] = int(
+            back.sum()
+        )
+        pairs = (place if turn else code).reshape(-1, 2)
+        pairs[back] = pairs[back, ::-1]
+        if turn:
+            at = _turned(lines, back)
+            lines = replace(lines, lat_deg=lines.lat_deg[at], lon_deg=lines.lon_deg[at])
+            x, y = x[at], y[at]
+    home = ends[homes(code, place)]
     distance = np.hypot(x[ends] - x[home[code]], y[ends] - y[home[code]])
-    if len(ends) == 0 or np.mean(distance > _FARTHEST) > 0.5:
+    away = distance > _FARTHEST
+    if len(ends) == 0 or np.mean(away) > 0.5:
         raise MapError(
             f"{where}: more than half of the lines end over {_FARTHEST:g} m from the node that "
             "from and to name; ids of nodes were expected there; rename these columns to have the "
             "nodes found from the geometry"
         )
-    far = distance > SNAP
-    if far.any():
-        skipped["ends drawn on to their node"] = int(far.sum())
+    if away.any():
+        skipped[f"ends over {_FARTHEST:g} m from their node (not joined to it)"] = int(away.sum())
+    far = (distance > SNAP) & ~away
+    beyond = far & (distance > _BEYOND)
+    if beyond.any():
+        skipped[f"ends drawn on to their node by over {_BEYOND:g} m"] = int(beyond.sum())
+    if (far & ~beyond).any():
+        skipped["ends drawn on to their node"] = int((far & ~beyond).sum())
     own = np.ones(len(x), bool)
-    own[ends[~far]] = False
+    near = ~(far | away)
+    own[ends[near]] = False
     node = np.empty(len(x), np.int64)
     node[own] = len(home) + np.arange(own.sum())
-    node[ends[~far]] = code[~far]
+    node[ends[near]] = code[near]
     after = np.arange(len(ends)) % 2 == 1
     count = np.diff(lines.first) + far[0::2] + far[1::2]
     node = np.insert(node, np.where(after, ends + 1, ends)[far], code[far])
@@ -121,6 +147,14 @@ def _named(
         node_id = np.concatenate([node_id, np.full(own.sum(), -1)])
     first = np.concatenate([[0], np.cumsum(count)])
     return _links(lines, first, node, at, node_id, skipped, lines.first, x, y)
+
+
+def _turned(lines: Lines, which: NDArray[np.bool_]) -> Ints:
+    """The vertices in the order in which some of the lines run backwards."""
+    line = np.repeat(np.arange(len(which)), np.diff(lines.first))
+    at = np.arange(len(line))
+    mirrored = lines.first[line] + lines.first[line + 1] - 1 - at
+    return np.where(which[line], mirrored, at)
 
 
 def _with_nodes(
@@ -176,12 +210,7 @@ def _stand_ins(lines: Lines, x: Array, y: Array, feet: Ints, level: Ints) -> Int
     outer = np.unique(np.concatenate([lines.first[:-1], lines.first[1:] - 1]))
     ends = np.concatenate([feet, outer])
     end_x, end_y = x[ends], y[ends]
-    key = np.empty(len(ends), np.int64)
-    topology.point_cells(end_x, end_y, SNAP, key)
-    order = np.argsort(key, kind="stable")
-    key = key[order]
-    label = np.empty(len(ends), np.int64)
-    topology.join_close(end_x, end_y, key, order, SNAP, label)
+    key, order, label = _joined(end_x, end_y, SNAP)
     inside = np.ones(len(x), bool)
     inside[ends] = False
     inside_at = np.flatnonzero(inside)
@@ -195,6 +224,17 @@ def _stand_ins(lines: Lines, x: Array, y: Array, feet: Ints, level: Ints) -> Int
     line = np.repeat(np.arange(len(lines.row)), np.diff(lines.first))
     at[rest] = rest[_first_alike(lines.lon_deg[rest], lines.lat_deg[rest], level[line[rest]])]
     return at
+
+
+def _joined(x: Array, y: Array, within: float) -> tuple[Ints, Ints, Ints]:
+    """Points within some metres joined: sorted keys of cells, their order, the first of each."""
+    key = np.empty(len(x), np.int64)
+    topology.point_cells(x, y, within, key)
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    label = np.empty(len(x), np.int64)
+    topology.join_close(x, y, key, order, within, label)
+    return key, order, label
 
 
 def _with_feet(lines: Lines, plane: Plane, x: Array, y: Array) -> tuple[Lines, Ints]:

@@ -100,8 +100,10 @@ def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
     lines = read_lines(sheet, crs, skipped)
     lines = _for_cars(sheet, lines, skipped)
     origin, target = _find(sheet, "from"), _find(sheet, "to")
-    links = link(lines, origin, target, _layers(sheet, lines), sheet.where)
-    skipped.update(links.skipped)
+    level = _layers(sheet, lines)
+    # words of one-way roads are about the drawing; costs and rows of one direction are not
+    by_name = bool(directed) or (directed is None and _find(sheet, "oneway") is None)
+    links = link(lines, origin, target, level, sheet.where, turn=by_name)
     rows = links.row
     along = _one_way(sheet, rows, skipped)
     if along is None:
@@ -109,11 +111,13 @@ def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
         if directed is None:
             directed = bool(2 * twins >= _DIRECTED_SHARE * len(rows)) and len(rows) > 1
             if not directed:
+                links = link(lines, origin, target, level, sheet.where)
                 why = "roads without one-way information, as the table has none (taken as two-way)"
                 skipped[why] += len(np.unique(rows))
         along = np.full(len(rows), int(directed), dtype=np.int8)
     elif directed:
         along = np.where(along == 0, 1, along).astype(np.int8)
+    skipped.update(links.skipped)
     return _streets(sheet, links, along, skipped), skipped
 
 
