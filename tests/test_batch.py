@@ -352,9 +352,16 @@ def of_bytes(ids: list[uuid.UUID]) -> pa.Array:
         ([f"car {i}" for i in range(7)], lambda ids: pc.run_end_encode(pa.array(ids)), str),
         ([f"car {i}" for i in range(7)], lambda ids: pa.array(ids, pa.binary()), str),
         ([b"\xff\x00", b"\xff\x01"], pa.array, bytes.hex),
+        # UUIDs, one of which is text by chance
+        (
+            [b"\xff" * 16, b"\x1f!YB)x`&^tYB\x05JAB"],
+            lambda ids: pa.array(ids, pa.binary(16)),
+            bytes.hex,
+        ),
+        ([b"\xff" * 16, b"\x1f!YB)x`&^tYB\x05JAB"], pa.array, bytes.hex),
         ([["car", str(i)] for i in range(7)], pa.array, str),
     ],
-    ids=["uuid", "runs", "bytes", "no text", "lists"],
+    ids=["uuid", "runs", "bytes", "no text", "fixed", "one text", "lists"],
 )
 def test_names_of_trips_may_be_of_any_type_of_arrow(roads, fleet, ids, column, text):
     rows = fleet.slice(0, 32 * len(ids))
@@ -637,6 +644,31 @@ def test_a_frame_without_rows_yet_is_refused_before_its_columns_are_asked(roads)
 
     with pytest.raises(whichroad.ReadError, match=r"LazyFrame .* give its \.collect"):
         match_many(LazyFrame(), roads)
+
+
+def test_objects_that_polars_has_for_names_are_read_as_their_text(roads, fleet):
+    class Frame:
+        """One of polars: of objects it gives where they are in memory."""
+
+        columns = fleet.column_names
+        schema = dict.fromkeys(fleet.column_names, "Float64") | {"drive_id": "Object"}
+
+        def __getitem__(self, name):
+            return [NAMED[int(each[-1])] for each in fleet[name].to_pylist()]
+
+        def __arrow_c_stream__(self, requested_schema=None):
+            places = pa.array([i.to_bytes(8) for i in range(len(fleet))], pa.binary(8))
+            return fleet.set_column(0, "drive_id", places).__arrow_c_stream__(requested_schema)
+
+    assert match_many(Frame(), roads).drives["drive_id"].to_pylist() == list(map(str, NAMED))
+
+
+def test_a_frame_of_dask_is_refused_with_what_gives_its_rows(roads, fleet):
+    lazy = type("DataFrame", (pd.DataFrame,), {"__module__": "dask.dataframe.dask_expr"})
+    frame = lazy(fleet.to_pandas())
+    for read in (lambda: match_many(frame, roads), lambda: whichroad.match(frame, roads)):
+        with pytest.raises(whichroad.ReadError, match=r"a DataFrame of Dask .*\.compute\(\)"):
+            read()
 
 
 def test_cells_of_several_kinds_are_read_as_those_of_a_column_of_text(roads, fleet):

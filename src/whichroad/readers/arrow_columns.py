@@ -313,7 +313,7 @@ def texts(column: "pa.ChunkedArray") -> tuple[list[str], Ints]:
     combined = column.combine_chunks()
     if isinstance(combined, pa.ChunkedArray):  # more than one chunk when it cannot be one
         combined = combined.chunk(0) if combined.num_chunks else pa.array([]).dictionary_encode()
-    labels = [_label(value) for value in combined.dictionary.to_pylist()]
+    labels = [_label(value) for value in _of_bytes(combined.dictionary)]
     codes = combined.indices.fill_null(len(labels)).to_numpy(zero_copy_only=False)
     return [*labels, ""], np.asarray(codes, np.int64)
 
@@ -322,9 +322,24 @@ def _label(value: object) -> str:
     """A label as text; whole numbers as such, also where a column with gaps made floats of them."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)
-    if isinstance(value, bytes):
-        try:
-            return value.decode()
-        except UnicodeDecodeError:
-            return value.hex()
     return "" if value is None else str(value)
+
+
+def _of_bytes(values: "pa.Array") -> list[Any]:
+    """Values, bytes among them as text where all of a column are that, else as hexadecimal digits.
+
+    Bytes of one length, such as those of UUIDs, are digits always: one of 10,000 is text by chance.
+    """
+    import pyarrow as pa
+
+    found: list[Any] = values.to_pylist()
+    if not any(isinstance(value, bytes) for value in found):
+        return found
+    if not pa.types.is_fixed_size_binary(values.type):
+        try:
+            words = [None if value is None else value.decode() for value in found]
+            if all(word is None or word.isprintable() for word in words):
+                return words
+        except UnicodeDecodeError:
+            pass
+    return [None if value is None else value.hex() for value in found]

@@ -1,5 +1,6 @@
 """Tables in memory, of any library, as columns of Arrow."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -45,7 +46,7 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
             return _frame(table, own)
         if isinstance(table, dict):
             table = pa.table({name: _arrow(cells) for name, cells in table.items()})
-        table = flattened(table if isinstance(table, pa.Table) else pa.table(table), own)
+        table = flattened(table if isinstance(table, pa.Table) else _of_stream(table), own)
         found = find(table.column_names, own)
         return Seen(decoded_columns(table, found), table.column_names, found)
     except (
@@ -58,15 +59,37 @@ def in_memory(table: Any, reading: Reading | None = None) -> Seen:
 
 
 def refuse_without_rows(table: Any) -> None:
-    """Refuse the LazyFrame of polars.
+    """Refuse the LazyFrame of polars, and what Dask has not computed.
 
     Raises:
         ReadError: It is one.
     """
+    if type(table).__module__.partition(".")[0] == "dask":
+        raise ReadError(
+            f"table: a {type(table).__name__} of Dask has no rows yet; a table was expected; give "
+            "its .compute(), or whichroad.match_many to its .map_partitions() where each trip lies "
+            "in one partition"
+        )
     if type(table).__name__ == "LazyFrame":
         raise ReadError(
             "table: a LazyFrame has no rows yet; a table was expected; give its .collect()"
         )
+
+
+def _of_stream(table: Any) -> Any:
+    """A table with `__arrow_c_stream__` as Arrow; objects of Python, as polars has them, as text.
+
+    For such objects polars gives where they are in memory.
+    """
+    import pyarrow as pa
+
+    rows, kinds = pa.table(table), getattr(table, "schema", None)
+    for name, kind in kinds.items() if isinstance(kinds, Mapping) else ():
+        if str(kind) == "Object":
+            cells = [None if cell is None else str(cell) for cell in table[name]]
+            at = rows.column_names.index(name)
+            rows = rows.set_column(at, name, pa.array(cells, pa.string()))
+    return rows
 
 
 def flattened(table: Any, own: Any = None) -> Any:
