@@ -4,6 +4,7 @@ import io
 import re
 from pathlib import Path
 
+import geopandas
 import numpy as np
 import pandas as pd
 import pyarrow as pa
@@ -11,6 +12,7 @@ import pyarrow.csv
 import pyarrow.feather
 import pyarrow.parquet as pq
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -647,6 +649,36 @@ def test_a_frame_without_rows_yet_is_refused_with_what_makes_it_a_table():
     for read in (drive_from_table, speeds):
         with pytest.raises(ReadError, match=r"^table: a LazyFrame .*; give its \.collect\(\)$"):
             read(LazyFrame())
+
+
+def _trips_in_rows():
+    """Two trips with a row each, in several ways, and what is said of them."""
+    cells = {"time": [[T0, T0 + 1]] * 2, "lat": [[49.4, 49.5]] * 2, "lon": [[8.7, 8.8]] * 2}
+    fixes = [[{"time": T0, "lat": 49.4, "lon": 8.7}]] * 2
+    lines = shapely.linestrings([[[8.7, 49.4], [8.8, 49.5]]] * 2)
+    times, exploded = {"time": [T0, T0]}, r"\.explode\(\['time', 'lat', 'lon'\]\)"
+    yield cells, exploded
+    yield (
+        pa.table(cells).cast(pa.schema([(k, pa.large_list(pa.float64())) for k in cells])),
+        exploded,
+    )
+    yield {"points": fixes}, r"\.explode\('points'\).*\.unnest\('points'\)"
+    yield times | {"POLYLINE": ["[[8.7, 49.4], [8.8, 49.5]]"] * 2}, r"\.explode\('POLYLINE'\)"
+    yield times | {"geometry": [line.wkt for line in lines]}, r"lines, .* get_coordinates\("
+    yield times | {"geometry": [line.wkb for line in lines]}, r"lines, .* get_coordinates\("
+    yield geopandas.GeoDataFrame(times, geometry=lines, crs=4326), r"lines, .* get_coordinates\("
+
+
+@pytest.mark.parametrize(("trips", "said"), list(_trips_in_rows()))
+def test_trips_of_one_row_each_are_told_how_to_get_a_row_for_each_fix(trips, said, tmp_path):
+    with pytest.raises(ReadError, match=said):
+        drive_from_table(trips)
+    if isinstance(trips, geopandas.GeoDataFrame):
+        trips.to_parquet(tmp_path / "trips.parquet")
+    else:
+        pq.write_table(pa.table(trips), tmp_path / "trips.parquet")
+    with pytest.raises(ReadError, match=rf"^trips\.parquet: .*{said}"):
+        read_drive(tmp_path / "trips.parquet")
 
 
 CELLS = st.one_of(

@@ -25,6 +25,7 @@ from .dates import (
 )
 from .digit_dates import Taken
 from .names import Column
+from .whole_trips import refuse_lists
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -229,8 +230,15 @@ def decoded(column: "pa.ChunkedArray") -> "pa.ChunkedArray":
     return _uuids(stored) if kind.extension_name == "arrow.uuid" else stored
 
 
-def decoded_columns(table: "pa.Table", found: Mapping[str, Column]) -> "pa.Table":
-    """The table with its columns `decoded`, but for the geometry, whose type says what it is."""
+def decoded_columns(
+    table: "pa.Table", found: Mapping[str, Column], where: str = "table"
+) -> "pa.Table":
+    """The table with its columns `decoded`, but for the geometry, whose type says what it is.
+
+    Raises:
+        ReadError: Its rows are trips, with lists of places or times.
+    """
+    refuse_lists(table, found, where)
     own = [c.place for quantity, c in found.items() if quantity == "geometry"]
     for place, field in enumerate(table.schema):
         if place not in own and _is_encoded(field.type):

@@ -15,6 +15,7 @@ from .dates import UNSAID, is_clock, of_texts
 from .likely_names import as_option, likely_columns
 from .names import NAMES, Column, NoSuchColumn, Seen, find, with_unit
 from .reading import Reading
+from .whole_trips import said_of
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -292,5 +293,5 @@ def no_column(where: str, what: str, seen: list[str], quantities: tuple[str, ...
     )  # fmt: skip
     return (
         f"{where}: {what} among the columns ({listed(seen)}); accepted names are {accepted}; "
-        f"{what_to_do}"
+        f"{said_of(seen)}{what_to_do}"
     )

@@ -10,12 +10,14 @@ import numpy as np
 from ..errors import ReadError, first_line
 from ..observations import Array
 from .names import Column
+from .whole_trips import LINES
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 _MOST_METRES = 1.1e7  # of a northing
 _MOST_MINUTES = 18_000.0  # of degrees and minutes, as NMEA writes them
+_POINT, _LINES = 0, {1, 5}  # shapely's numbers of a point; of a line, and of several in one
 _UNSAID = object()  # a geometry whose metadata say nothing of its reference system
 
 
@@ -90,6 +92,9 @@ def _points(column: "pa.ChunkedArray", where: str) -> tuple[Array, Array]:
         else:
             points = np.full(len(values), None, object)
             points[words] = from_texts(np.array(values, object)[words])
+        kinds = set(shapely.get_type_id(points).tolist())
+        if kinds & _LINES and _POINT not in kinds:
+            raise ReadError(f"{where}: the geometry holds {LINES}")
         points[shapely.is_empty(points)] = None  # an empty point has no coordinates to ask for
         return shapely.get_x(points), shapely.get_y(points)
     except (shapely.errors.ShapelyError, pa.ArrowException, TypeError, ValueError) as error:

@@ -43,7 +43,7 @@ def _parquet(source: Source, reading: Reading) -> Seen:
         table = flattened(table, reading.columns)
         table.validate(full=True)
         seen = Seen.of(table, names, found)
-        return seen._replace(table=decoded_columns(table, seen.found))
+        return seen._replace(table=decoded_columns(table, seen.found, source.name))
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise _unreadable(source, "Parquet", error) from None
 
@@ -59,7 +59,7 @@ def _arrow(source: Source, skipped: Skipped, reading: Reading) -> Seen:
         table.validate(full=True)
         table = flattened(table, reading.columns)
         found = find(table.column_names, reading.columns)
-        return Seen(decoded_columns(table, found), table.column_names, found)
+        return Seen(decoded_columns(table, found, source.name), table.column_names, found)
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise _unreadable(source, "Arrow file", error) from None
 

@@ -9,6 +9,7 @@ from ..errors import ReadError, first_line
 from .arrow_columns import decoded_columns
 from .names import Seen, find
 from .reading import Reading
+from .whole_trips import LINES
 
 _ROW = ("time", "lat", "lon")  # what the numbers of a tuple are
 _ABSENT = ("None", "nan", "NaT", "<NA>")  # texts of cells without a value
@@ -219,6 +220,8 @@ def _points(frame: Any) -> Any:
     strange = set(points.geom_type.dropna()) - {"Point"}
     if strange:
         kinds = ", ".join(sorted(strange))
+        if strange <= {"LineString", "MultiLineString"}:
+            raise ReadError(f"table: the geometry holds {LINES}")
         raise ValueError(f"geometries of kind {kinds}; points were expected")
     if points.crs is not None:
         points = points.to_crs(4326)
