@@ -12,10 +12,12 @@
 Every message reads `where: what was seen; what was expected; what to do`.
 """
 
+import errno
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _SCALAR = re.compile(r"\bnp\.(?:float|int|uint|bool|str|datetime|timedelta)\d*_?\(([^()]*)\)")
 
 
@@ -50,6 +52,22 @@ class SettingError(WhichroadError, ValueError):
 def first_line(error: Exception) -> str:
     """What another library's error says, in one line; its kind where it says nothing."""
     return (str(error).splitlines() or [type(error).__name__])[0][:200]
+
+
+def refused(path: object, error: OSError, else_: str) -> WriteError:
+    """The error of an output that the system refuses: a full disk is called one.
+
+    Args:
+        path: The output.
+        error: What the system said.
+        else_: What was expected and what to do where the disk is not full.
+    """
+    if error.errno in _FULL:
+        return WriteError(
+            f"{path}: the disk is full; space for the whole output was expected; make space, or "
+            "choose another disk"
+        )
+    return WriteError(f"{path}: cannot be written ({error.strerror or error}); {else_}")
 
 
 @contextmanager

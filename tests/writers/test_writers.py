@@ -1,6 +1,9 @@
 import csv
+import errno
 import json
+import sqlite3
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import geopandas
 import gpxpy
@@ -9,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 import shapely
 
+from whichroad import RoadMap
 from whichroad.errors import WriteError
 from whichroad.tables import schema
 from whichroad.writers import SUFFIXES, check, replacing, write_table
@@ -230,3 +234,41 @@ def test_the_check_ahead_says_what_writing_would_say(tmp_path):
         check(tmp_path / "t.csv")
     with pytest.raises(WriteError, match="suffix"):
         check(tmp_path / "t.xlsx")
+
+
+def _full(*_args, **_kwargs):
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def _sqlite_full(*_args, **_kwargs):
+    raise sqlite3.OperationalError("database or disk is full")
+
+
+def _gdal_full(*_args, **_kwargs):
+    raise RuntimeError("cannot rollback - no transaction is active")
+
+
+def test_a_full_disk_is_called_one(points, tmp_path, monkeypatch):
+    said = r"x\..*: the disk is full; space .* expected; make space, or choose another disk$"
+    monkeypatch.setattr("whichroad.writers.robots._write_messages", _sqlite_full)
+    monkeypatch.setattr("pyogrio.write_arrow", _gdal_full)
+    with pytest.raises(WriteError, match=r"GDAL cannot write it \(cannot rollback"):
+        write_table(points, tmp_path / "x.gpkg")
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=4096))
+    for suffix in (".gpkg", ".db3"):
+        with pytest.raises(WriteError, match=said):
+            write_table(points, tmp_path / f"x{suffix}")
+    monkeypatch.setattr("os.replace", _full)
+    with pytest.raises(WriteError, match=said):
+        write_table(points, tmp_path / "x.csv")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_of_a_compiled_map_is_called_one(tmp_path, monkeypatch):
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame(
+        geometry=[shapely.LineString([(8.7, 49.4), (8.71, 49.4)])], crs=4326
+    ))  # fmt: skip
+    monkeypatch.setattr("os.replace", _full)
+    with pytest.raises(WriteError, match=r"x\.map: the disk is full; .*; make space"):
+        roads.save(tmp_path / "x.map")
+    assert not list(tmp_path.iterdir())

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ..errors import WriteError
+from ..errors import refused
 from ..wording import counted
 from .arguments import (
     CanOption,
@@ -59,7 +59,7 @@ def calibrate(
     try:
         out.write_text(found.to_toml(), encoding="utf-8")
     except OSError as error:
-        raise WriteError(f"{out}: {error.strerror}") from error
+        raise refused(out, error, "choose another place") from error
     for one in found.quantities:
         typer.echo(str(one))
     typer.echo(

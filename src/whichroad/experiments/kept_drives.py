@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import WriteError
+from ..errors import WriteError, refused
 from ..observations import Fixes, OdometryLog, WheelCounts
 from ..simulate import SimulatedDrive, truth_table, vehicle_text
 from ..tables.schema import times
@@ -62,10 +62,8 @@ def keep_drive(scene: Scene, drive: SimulatedDrive, out: Path) -> None:
 
 
 def _refusal(folder: Path, error: OSError) -> WriteError:
-    return WriteError(
-        f"{folder}: cannot be written ({error.strerror or error}); a folder that may be written to "
-        "was expected; choose another with --out"
-    )
+    else_ = "a folder that may be written to was expected; choose another with --out"
+    return refused(folder, error, else_)
 
 
 def _fixes(fixes: Fixes) -> "pa.Table":

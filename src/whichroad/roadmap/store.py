@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MapError, WriteError
+from ..errors import MapError, refused
 from ..graph.network import EDGE, SEGMENT, TURN, VERTEX
 from . import checked
 from .shelf import release
@@ -93,9 +93,8 @@ def write(path: Path, about: dict[str, Any], arrays: Arrays) -> None:
     except OSError as error:
         if temporary:
             Path(temporary).unlink(missing_ok=True)
-        raise WriteError(
-            f"{path}: {error.strerror}; a folder that can be written was expected; choose another"
-        ) from error
+        else_ = "a folder that can be written was expected; choose another"
+        raise refused(path, error, else_) from error
 
 
 def _bytes(array: NDArray[Any]) -> Any:

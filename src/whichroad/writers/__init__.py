@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import WriteError
+from ..errors import WriteError, refused
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -209,10 +209,8 @@ def replacing(path: Path, *, force: bool = False) -> Iterator[Path]:
         finally:
             part.unlink(missing_ok=True)
     except OSError as error:
-        raise WriteError(
-            f"{path}: cannot be written ({error.strerror or error}); a folder that exists and "
-            "may be written to was expected; choose another place"
-        ) from error
+        else_ = "a folder that exists and may be written to was expected; choose another place"
+        raise refused(path, error, else_) from error
 
 
 def _umask() -> int:

@@ -1,5 +1,7 @@
 """GeoPackage: one layer, `points` or `path`; lists as JSON, as GDAL knows no lists of records."""
 
+import errno
+import shutil
 from pathlib import Path
 
 import pyarrow as pa
@@ -7,6 +9,8 @@ import pyarrow as pa
 from ..errors import WriteError, comes_with, first_line
 from ..tables.schema import geometry
 from .csv import as_json
+
+_LEAST = 1 << 17  # bytes of a GeoPackage without rows, and some
 
 
 def check_gdal() -> None:
@@ -25,6 +29,7 @@ def write(table: pa.Table, path: Path) -> None:
     Raises:
         SettingError: The extra `geo` is not installed.
         WriteError: The table has neither, or GDAL refuses it.
+        OSError: The disk is full.
     """
     check_gdal()
     import pyogrio
@@ -47,6 +52,8 @@ def write(table: pa.Table, path: Path) -> None:
             geometry_type="LineString" if lines else "Point", crs="EPSG:4326",
         )  # fmt: skip
     except (RuntimeError, ValueError) as error:
+        if shutil.disk_usage(path.parent).free < plain.nbytes + _LEAST:  # which GDAL does not say
+            raise OSError(errno.ENOSPC, "No space left on device") from None
         first = first_line(error)
         raise WriteError(
             f"{path}: GDAL cannot write it ({first}); a table of points or of a path was expected; "

@@ -4,6 +4,7 @@ Frames are those of REP-103 and REP-105: x east, y north, metres about the drive
 position in `map`; the vehicle, x ahead, is `base_link`.
 """
 
+import errno
 import importlib
 import json
 import math
@@ -98,14 +99,21 @@ def write_ros2(table: pa.Table, path: Path) -> None:
 
     Raises:
         WriteError: The table has no positions, or the package rosbags is missing.
+        OSError: The disk is full, or SQLite refuses.
     """
+    import sqlite3
+
     drives = list(positions(table, path))
     bags, types = _package("rosbags.rosbag2", path), _package("rosbags.typesys", path)
     store = types.get_typestore(types.Stores.ROS2_HUMBLE)
     with tempfile.TemporaryDirectory(dir=path.parent) as folder:
         bag = Path(folder) / "bag"
-        with bags.Writer(bag, version=8) as writer:
-            _write_messages(writer, store, store.serialize_cdr, drives)
+        try:
+            with bags.Writer(bag, version=8) as writer:
+                _write_messages(writer, store, store.serialize_cdr, drives)
+        except sqlite3.OperationalError as error:
+            code = errno.ENOSPC if "full" in str(error) else errno.EIO
+            raise OSError(code, str(error)) from None
         (file,) = bag.glob("*.db3")
         file.replace(path)
 
