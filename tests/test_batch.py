@@ -626,6 +626,21 @@ def test_fields_of_structs_may_be_named(roads, fleet, tmp_path):
         drive_from_table(one, columns={"lat": "at.c", "lon": "at.b"})
 
 
+def test_the_column_that_is_named_names_trips_beside_one_of_a_usual_name(roads, fleet, tmp_path):
+    vehicles = pa.array([f"bus {i // 96}" for i in range(len(fleet))])
+    table = fleet.append_column("vehicle", vehicles)
+    pq.write_table(table, tmp_path / "trips.parquet")
+    for given in (table, table.to_pandas(), str(tmp_path / "trips.parquet")):
+        for named in (
+            {"drive_id": "vehicle"},
+            {"drive_id": "Vehicle"},
+            {"columns": {"trip_id": "vehicle"}},
+            {"columns": {"vehicle_id": "vehicle"}, "drive_id": "vehicle"},
+        ):
+            drives = match_many(given, roads, **named).drives
+            assert drives["drive_id"].to_pylist() == ["bus 0", "bus 1", "bus 2"]
+
+
 def test_ids_beyond_64_bits_are_texts(roads):
     table = trip("a", 0).to_pandas().assign(drive_id=pd.Series([2**70 + 1] * 32, dtype=object))
     for given in (table, table.to_dict("list"), table.to_dict("records")):

@@ -196,6 +196,16 @@ def test_uuids_name_trips_by_their_text(tmp_path, town, table, usual, suffix):
     assert sorted(drives["epochs"].to_pylist()) == sorted(usual.drives["epochs"].to_pylist())
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_the_column_that_is_named_names_trips_in_any_case(tmp_path, town, table, suffix):
+    named = table.append_column("VEHICLE", pa.array(["bus"] * len(table)))
+    write = pacsv.write_csv if suffix == "csv" else pq.write_table
+    write(named, tmp_path / f"trips.{suffix}")
+    for i, own in enumerate(({"trip_id": "vehicle"}, {"columns": {"trip_id": "VEHICLE"}})):
+        run_fleet(tmp_path / f"trips.{suffix}", town, tmp_path / f"out {i}", workers=1, **own)
+        assert rows_of(tmp_path / f"out {i}", "drives")["drive_id"].to_pylist() == ["bus"]
+
+
 def test_poisoned_trips_are_listed_and_the_others_are_as_they_were(tmp_path, town, table, usual):
     far = trip("far", 0)
     far = far.set_column(2, "lat", pa.array(np.full(len(far), -33.0)))

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from ..errors import ReadError
 from ..readers.checks import listed
-from ..readers.names import NAMES, NoSuchColumn, find
+from ..readers.names import NAMES, NoSuchColumn, column_called, find
 from ..readers.trip_files import schemas_of, unreadable
 
 _KINDS = {
@@ -116,6 +116,7 @@ def used_columns(
     except NoSuchColumn as error:
         raise ReadError(f"{where}: {str(error).removeprefix('table: ')}") from None
     usual = found.get("drive_id") or found.get("vehicle_id")
+    trip_id = column_called(names, trip_id)
     trip = trip_id if trip_id in names else usual.name if usual and trip_id == "drive_id" else None
     if trip is None:
         raise ReadError(

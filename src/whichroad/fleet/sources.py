@@ -17,7 +17,7 @@ from ..readers.mixed_files import (
     whole_of,
     with_trip,
 )
-from ..readers.names import find, normal
+from ..readers.names import find
 from ..readers.trip_files import are_mixed, joined_schema, schemas_of
 from .inputs import Inputs, used_columns
 
@@ -114,9 +114,7 @@ class Reader(NamedTuple):
         options = CSV
         kinds = self._kinds(f"SELECT * FROM read_csv([{_all(paths)}], {options})")
         own = self.own if alone else there(self.own, kinds)
-        trip = next((name for name in kinds if normal(name) == normal(self.trip_id)), self.trip_id)
-        trip = self.trip_id if self.trip_id in kinds else trip
-        used = used_columns(kinds, trip, str(paths[0]), own)
+        used = used_columns(kinds, self.trip_id, str(paths[0]), own)
         options += f", types={{{text(used.trip)}: 'VARCHAR'}}"
         rows = f"read_csv([{_all(paths)}], {options})"
         time = quoted(used.time)

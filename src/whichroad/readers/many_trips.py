@@ -18,7 +18,7 @@ from .checks import listed
 from .csv_text import no_column
 from .dates import UNSAID, Writing, taken_as_utc
 from .mixed_files import MixedFiles
-from .names import NAMES, Column, find, quantity_of
+from .names import NAMES, Column, column_called, find, quantity_of
 from .reading import Reading, check_one, own_columns
 from .splitting import split_trips
 from .table_drives import paired
@@ -127,7 +127,7 @@ def _of_dataset(data: Any, drive_id: str, own: Own) -> Iterable[Any]:
     found = find(flat, own)
     _check(flat, found)
     used = {c.name if c.name in names else c.name.partition(".")[0] for c in found.values()}
-    used |= {drive_id} & set(names)
+    used |= {column_called(names, drive_id)} & set(names)
     return batches_in(data, sorted(used), _BATCH)
 
 
@@ -140,7 +140,9 @@ def _table(source: Any, drive_id: str, own: Own) -> tuple["pa.Table", list[str]]
         )
     names = list(getattr(source, "columns", ()))
     if hasattr(source, "rename") and hasattr(source, "reset_index"):  # a frame of pandas
-        source = source.rename(columns={drive_id: "drive_id"})
+        given = column_called(map(str, names), drive_id)
+        others = ["drive_id"] if given in names and given != "drive_id" else []
+        source = source.drop(columns=others, errors="ignore").rename(columns={given: "drive_id"})
         return in_memory(source, Reading(columns=own)).table, [str(name) for name in names]
     seen = in_memory(source, Reading(columns=own))
     return seen.table, seen.names
@@ -184,8 +186,11 @@ def own_names(columns: Own | None, drive_id: str) -> tuple[dict[str, str | int],
                 f"columns: {alias} is {column!r}; the name of a column was expected: columns of "
                 "tables of many trips are known by their names"
             )
-    named = str(own.pop("drive_id", drive_id))
-    return own, named if drive_id == "drive_id" else drive_id
+    named = [str(column) for alias, column in own.items() if quantity_of(alias) == "drive_id"]
+    trip = named[0] if named and drive_id == "drive_id" else drive_id
+    kinds = {alias: quantity_of(alias) for alias in own}  # what names trips is no vehicle's
+    apart = [alias for alias in own if (kinds[alias], own[alias]) != ("vehicle_id", trip)]
+    return {alias: own[alias] for alias in apart if kinds[alias] != "drive_id"}, trip
 
 
 def _named(table: "pa.Table", names: list[str], drive_id: str, own: Own) -> "pa.Table":
@@ -194,6 +199,7 @@ def _named(table: "pa.Table", names: list[str], drive_id: str, own: Own) -> "pa.
     if "time" not in found:
         _check(names, found)
     usual = found.get("drive_id") or found.get("vehicle_id")
+    drive_id = column_called(table.column_names, drive_id)
     if drive_id in table.column_names:
         place = table.column_names.index(drive_id)
     elif usual and (drive_id == "drive_id" or "drive_id" in table.column_names):

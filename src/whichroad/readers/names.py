@@ -252,6 +252,13 @@ def _column(quantity: str, alias: str, place: int, name: str, units: Mapping[str
     return Column(place, name, units.get(alias, NAMES[quantity][alias]), bare)
 
 
+def column_called(names: Iterable[str], wanted: str) -> str:
+    """The column of a name, else the one that has it but for case and punctuation, else it."""
+    names = list(names)
+    alike = [name for name in names if normal(name) == normal(wanted) != ""]
+    return alike[0] if wanted not in names and len(alike) == 1 else wanted
+
+
 def quantity_of(alias: str) -> str:
     """What an own column is to be.
 
