@@ -539,3 +539,18 @@ def test_the_real_networks_keep_the_laws(data_folder, check):
     helsinki = RoadMap.from_edges(data_folder / "hsl" / "link.csv", crs="EPSG:3067")
     check(helsinki)
     assert helsinki.info()["lat"][0] == pytest.approx(60.18, abs=0.01)
+
+
+def test_the_lines_of_a_collection_are_read_and_what_is_beside_them_is_counted_apart(line):
+    one, two = line((0, 0), (100, 0)), line((100, 0), (100, 90))
+    mixed = shapely.GeometryCollection([one, shapely.Point(one.coords[0])])
+    nested = shapely.GeometryCollection([shapely.MultiLineString([two])])
+    table = geopandas.GeoDataFrame(
+        {"oneway": ["no"] * 3}, geometry=[mixed, nested, shapely.Point(8.7, 49.4)], crs=4326
+    )
+    roads = RoadMap.from_edges(table)
+    assert sorted(roads.arrays.edges.length) == pytest.approx([190, 190], abs=0.01)
+    assert roads.info()["skipped"] == {
+        "points and areas beside the lines of a row": 1,
+        "geometries that are not lines": 1,
+    }

@@ -62,8 +62,13 @@ def read_lines(sheet: Sheet, crs: Any, skipped: Counter[str]) -> Lines:
     multiple = shapely.get_type_id(geometry) == 5  # MultiLineString
     geometry[multiple] = shapely.line_merge(geometry[multiple])
     parts, index = shapely.get_parts(geometry, return_index=True)
+    parts, part = shapely.get_parts(parts, return_index=True)  # multi-lines in collections
+    index = index[part]
     is_line = np.isin(shapely.get_type_id(parts), (1, 2))  # LineString, LinearRing
-    _count(skipped, "geometries that are not lines", int((~is_line).sum()))
+    used = np.unique(index[is_line])
+    beside = int((~is_line & np.isin(index, used)).sum())
+    _count(skipped, "points and areas beside the lines of a row", beside)
+    _count(skipped, "geometries that are not lines", len(geometry) - len(used))
     rows, parts = rows[index[is_line]], parts[is_line]
     xy = shapely.get_coordinates(parts)
     count = shapely.get_num_coordinates(parts)
