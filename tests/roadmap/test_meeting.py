@@ -106,6 +106,32 @@ def test_a_vertex_in_two_lines_is_a_junction_unless_they_are_on_different_levels
     assert len(RoadMap.from_edges(layer)) == 4
 
 
+def _overpass(line, **levels):
+    """Two roads cut where one passes over the other: west, east, south, north."""
+    ends = [((-90, 0), (0, 0)), ((0, 0), (100, 0)), ((0, -90), (0, 0)), ((0, 0), (0, 100))]
+    return geopandas.GeoDataFrame(levels, geometry=[line(*e) for e in ends], crs=4326)
+
+
+@pytest.mark.parametrize("names", [("F_ZLEV", "T_ZLEV"), ("f_elev", "t_elev")])
+def test_ends_of_different_levels_do_not_meet(line, check, names):
+    levels = dict(zip(names, ([0, 0, 0, 1], [0, 0, 1, 0]), strict=True))
+    roads = RoadMap.from_edges(_overpass(line, **levels), directed=False)
+    check(roads)
+    assert roads.info()["nodes"] == 4
+    assert sorted(round(float(m)) for m in roads.arrays.edges.length) == [190] * 4
+    levels = dict(zip(names, ([0, 0, 0, "1"], [0, 0, 1, None]), strict=True))
+    table = _overpass(line, **levels).assign(u=[1, 9, 3, 9], v=[9, 2, 9, 4])
+    assert RoadMap.from_edges(table, directed=False).info()["nodes"] == 5
+
+
+def test_heights_of_ends_are_no_levels(line):
+    table = _overpass(line, f_elev=[101.2, 101.5, 99, 101.4], t_elev=[101.5, 103, 101.4, 99])
+    roads = RoadMap.from_edges(table, directed=False)
+    assert roads.info()["nodes"] == 5
+    why = "levels of ends that are no whole numbers up to 9 (none was read)"
+    assert roads.info()["skipped"] == {why: 4}
+
+
 def test_a_line_that_ends_beside_its_named_node_is_drawn_on_to_it(line, check):
     lines = [line((0, 0), (100, 0)), line((104, 0), (200, 0)), line((100, 0), (100, 50))]
     table = geopandas.GeoDataFrame(

@@ -50,7 +50,7 @@ class Links:
 
 def link(
     lines: Lines, origin: NDArray[Any] | None, target: NDArray[Any] | None, level: Ints,
-    where: str, *, turn: bool = False,
+    where: str, *, ends: Ints | None = None, turn: bool = False,
 ) -> Links:  # fmt: skip
     """Find the nodes of lines.
 
@@ -61,6 +61,8 @@ def link(
         target: (rows,) names of those at which rows end.
         level: (n,) lines of different levels meet at their ends only.
         where: Name of the table, for errors.
+        ends: (n, 2) levels at which lines begin and end; those of different levels do not meet,
+            unless their nodes have names.  None: all meet.
         turn: Whether lines that are drawn from their target to their origin are turned, as the
             names tell the direction; else their names are exchanged, as the drawing does.
 
@@ -74,7 +76,7 @@ def link(
     x, y = plane.from_geodetic(lines.lat_deg, lines.lon_deg)
     if origin is not None and target is not None:
         return _named(lines, x, y, origin[lines.row], target[lines.row], where, turn)
-    return _inferred(lines, plane, x, y, level)
+    return _inferred(lines, plane, x, y, level, ends)
 
 
 def middle_plane(lat_deg: Array, lon_deg: Array) -> Plane:
@@ -190,27 +192,35 @@ def _codes(names: NDArray[Any]) -> tuple[Ints, Column]:
     return code, Texts.of(words.tolist())
 
 
-def _inferred(drawn: Lines, plane: Plane, x: Array, y: Array, level: Ints) -> Links:
+def _inferred(
+    drawn: Lines, plane: Plane, x: Array, y: Array, level: Ints, ends: Ints | None
+) -> Links:
     """Lines that meet where they touch.
 
     Ends within `SNAP` meet; so does an end with another line, in a vertex or between two.
     Vertices inside of two lines meet where they are the same point on the same level.
     """
     lines, feet = _with_feet(drawn, plane, x, y)
-    at = _stand_ins(lines, *plane.from_geodetic(lines.lat_deg, lines.lon_deg), feet, level)
+    x_, y_ = plane.from_geodetic(lines.lat_deg, lines.lon_deg)
+    at = _stand_ins(lines, x_, y_, feet, level, ends)
     places, node = np.unique(at, return_inverse=True)
     first, node = _without_repeats(lines.first, node, feet)
     number = np.arange(len(places))
     return _links(lines, first, node, places, number, {}, drawn.first, x, y)
 
 
-def _stand_ins(lines: Lines, x: Array, y: Array, feet: Ints, level: Ints) -> Ints:
+def _stand_ins(
+    lines: Lines, x: Array, y: Array, feet: Ints, level: Ints, end_level: Ints | None
+) -> Ints:
     """For each vertex the one that stands for all that meet there."""
     # feet first: of what meets, the first decides where, and a line that is met stays straight
     outer = np.unique(np.concatenate([lines.first[:-1], lines.first[1:] - 1]))
     ends = np.concatenate([feet, outer])
     end_x, end_y = x[ends], y[ends]
     key, order, label = _joined(end_x, end_y, SNAP)
+    if end_level is not None:
+        height = np.concatenate([np.zeros(len(feet), np.int64), end_level.ravel()])
+        label = _first_alike(height, label)
     inside = np.ones(len(x), bool)
     inside[ends] = False
     inside_at = np.flatnonzero(inside)

@@ -37,6 +37,8 @@ NAMES = {
     "layer": ("layer",),
     "bridge": ("bridge",),
     "tunnel": ("tunnel",),
+    "level_from": ("f_zlev", "from_zlev", "zlev_from", "f_elev"),
+    "level_to": ("t_zlev", "to_zlev", "zlev_to", "t_elev"),
     "junction": ("junction", "roundabout"),
     "access": ("access",),
 }
@@ -44,6 +46,7 @@ _TAGGED = ("oneway", "access", "speed_limit_kmh", "name", "highway", "lanes", "w
            "bridge", "tunnel", "junction")  # what a column of tags may hold  # fmt: skip
 _DIRECTED_SHARE = 0.1  # share of rows with an opposite row, from which on rows are directions
 _CODED = 0.01  # share of rows with other numbers than -1, 0, 1, from which on these are a code
+_LEVELS = 9  # the highest and, below 0, the lowest level of an end
 _LISTED = 6  # of its numbers
 # osm2po's numbers for the classes of OpenStreetMap
 _NUMBERED = {
@@ -103,7 +106,8 @@ def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
     level = _layers(sheet, lines)
     # words of one-way roads are about the drawing; costs and rows of one direction are not
     by_name = bool(directed) or (directed is None and _find(sheet, "oneway") is None)
-    links = link(lines, origin, target, level, sheet.where, turn=by_name)
+    ends = _end_levels(sheet, lines, skipped)
+    links = link(lines, origin, target, level, sheet.where, ends=ends, turn=by_name)
     rows = links.row
     along = _one_way(sheet, rows, skipped)
     if along is None:
@@ -111,7 +115,7 @@ def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
         if directed is None:
             directed = bool(2 * twins >= _DIRECTED_SHARE * len(rows)) and len(rows) > 1
             if not directed:
-                links = link(lines, origin, target, level, sheet.where)
+                links = link(lines, origin, target, level, sheet.where, ends=ends)
                 why = "roads without one-way information, as the table has none (taken as two-way)"
                 skipped[why] += len(np.unique(rows))
         along = np.full(len(rows), int(directed), dtype=np.int8)
@@ -192,6 +196,25 @@ def _layers(sheet: Sheet, lines: Lines) -> NDArray[np.int64]:
             read: Callable[[Any], int] = first(meaning.whole, 0) if i == 0 else _any_true
             level = level * 1000 + np.array(each(column[lines.row], read), dtype=np.int64)
     return level
+
+
+def _end_levels(sheet: Sheet, lines: Lines, skipped: Counter[str]) -> NDArray[np.int64] | None:
+    """(n, 2) levels at which lines begin and end: ends of different levels do not meet.
+
+    None where the table has none, or heights in their place, which are no levels.
+    """
+    columns = [_find(sheet, what) for what in ("level_from", "level_to")]
+    if any(column is None for column in columns):
+        return None
+    read = first(lambda v: meaning.number(as_word(v)), 0.0)
+    levels = np.array([each(c[lines.row], read) for c in columns if c is not None]).T
+    if ((levels != np.round(levels)) | (np.abs(levels) > _LEVELS)).any():
+        why = f"levels of ends that are no whole numbers up to {_LEVELS} (none was read)"
+        skipped[why] += len(np.unique(lines.row))
+        return None
+    several = np.bincount(lines.row)[lines.row] > 1
+    levels[several] = 0.0  # which part has which end is not told
+    return levels.astype(np.int64)
 
 
 def _one_way(
