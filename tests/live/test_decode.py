@@ -269,6 +269,28 @@ def test_an_odometer_comes_before_a_speed_and_with_its_yaw_rate(tmp_path, roles)
     assert ("yaw_rate" in roles) == any(isinstance(one, YawRate) for one in ours)
 
 
+J1939 = """VERSION ""
+BU_: A
+BO_ 256 Wheels: 8 A
+ SG_ Left : 0|16@1+ (0.00390625,0) [0|250.996] "km/h" A
+ SG_ Right : 16|16@1+ (0.00390625,0) [0|250.996] "km/h" A
+VAL_ 256 Right 65535 "SNA" ;
+"""
+
+
+def test_a_signal_that_is_not_available_is_counted_and_no_speed(tmp_path):
+    (tmp_path / "car.dbc").write_text(J1939)
+    signals = {"wheel_rl": "Left", "wheel_rr": "Right"}
+    stream, said = CanStream(tmp_path / "car.dbc", Vehicle(signals=signals)), []
+    for i in range(40):
+        raw = 0xFFFF if i % 10 == 0 else 0x2000
+        data = raw.to_bytes(2, "little") * 2 + bytes(4)
+        said += stream.feed(key(256, False), 1.7e9 + 0.1 * i, data)
+    assert [one.left for one in said] == pytest.approx([32.0 / 3.6] * 36)
+    assert [one.right for one in said] == pytest.approx([32.0 / 3.6] * 36)
+    assert stream.skipped_why == {"signal not available": 8}
+
+
 def test_frames_that_mean_nothing_are_counted_or_passed_over(files):
     stream = CanStream(files / "vehicle.dbc", read_vehicle(files / "vehicle.toml"))
     message = can.Message(arbitration_id=928, data=[1])

@@ -11,6 +11,7 @@ from whichroad.errors import ReadError
 from whichroad.observations import Odometer, SpeedYawRate, WheelCounts, WheelSpeeds, WithGyro
 from whichroad.readers import read_drive
 from whichroad.readers.can import decode
+from whichroad.readers.can_absent import is_no_value
 from whichroad.settings import Vehicle
 
 T0 = 1_780_315_200.0
@@ -336,6 +337,115 @@ def test_a_log_is_known_by_its_lines(put):
 def test_signals_that_will_not_do_are_refused(read, signals, said):
     with pytest.raises(ReadError, match=said):
         read(counters(range(5)), vehicle(signals))
+
+
+ABSENT = """VERSION ""
+BU_: Car
+BO_ 928 Wheels: 8 Car
+ SG_ Left : 0|16@1+ (0.00390625,0) [0|250.996] "km/h" Car
+ SG_ Right : 16|16@1+ (0.00390625,0) [0|250.996] "km/h" Car
+ SG_ Turn : 32|16@1- (0.01,0) [-300|300] "deg/s" Car
+ SG_ Gear : 48|4@1+ (1,0) [0|8] "" Car
+ SG_ Pulses : 56|8@1+ (1,0) [0|200] "" Car
+VAL_ 928 Right 65535 "Signal_nicht_verf\u00fcgbar" 60000 "Bremse_ungueltig" ;
+VAL_ 928 Pulses 255 "SNA" ;
+"""
+
+
+def speeds(k, left=0x2000, right=0x2000, gear=3, turn=100, pulses=7):
+    """A frame of `ABSENT`: 32 km/h unless told."""
+    data = b"".join(int(v % 65_536).to_bytes(2, "little") for v in (left, right, turn))
+    return line(T0 + 0.1 * k, 928, data + bytes([gear, pulses]))
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"left": 0xFFFF},  # all ones, beyond the declared range
+        {"left": 0xFE13},  # an error by J1939
+        {"right": 0xFFFF},  # so named
+        {"right": 60_000},  # so named, inside the range of speeds
+        {"left": 0xFFFF, "right": 0xFFFF},
+    ],
+)
+def test_a_signal_that_is_not_available_is_no_speed(read, sound, odd):
+    log = "".join(speeds(k, **(odd if k in (0, 1, 20) else {})) for k in range(40))
+    drive = read(log, Vehicle(signals={"wheel_rl": "Left", "wheel_rr": "Right"}), ABSENT)
+    sound(drive)
+    assert drive.odometry.left == pytest.approx(32.0 / 3.6)
+    assert drive.odometry.right == pytest.approx(32.0 / 3.6)
+    assert drive.skipped == {"signal not available": 3 * len(odd)}
+
+
+def test_a_yaw_rate_and_a_gear_that_are_not_available_say_nothing(read, sound):
+    odd = {3: {"turn": 0x7FFF}, 4: {"turn": -0x8000}, 5: {"gear": 15}, 6: {"gear": 14}}
+    log = "".join(speeds(k, **odd.get(k, {})) for k in range(20))
+    signals = {"speed": "Left", "yaw_rate": "Turn", "reverse": "Gear", "reverse_value": "15"}
+    drive = read(log, Vehicle(signals=signals), ABSENT)
+    sound(drive)
+    assert (drive.odometry.speed > 0.0).all()
+    assert drive.odometry.yaw_rate == pytest.approx(np.radians(1.0))
+    assert drive.skipped == {"signal not available": 4}
+
+
+def test_only_its_name_takes_a_number_from_a_counter_that_wraps(read):
+    car = vehicle({"wheel_rl_ticks": "Pulses", "wheel_rr_ticks": "Pulses"}, counter_bits=8)
+    log = "".join(speeds(k, pulses=3 * k % 256) for k in range(300))
+    named = read(log, car, ABSENT)
+    plain = read(log, car, ABSENT.replace('VAL_ 928 Pulses 255 "SNA" ;', ""))
+    assert np.diff(plain.odometry.left) == pytest.approx(3.0)
+    assert "signal not available" not in plain.skipped
+    assert named.skipped == {"signal not available": 2}
+    assert np.diff(named.odometry.left).sum() == pytest.approx(3.0 * 299)
+
+
+def test_a_name_or_the_lack_of_a_range_keeps_a_number(read):
+    signals = {"wheel_rl": "Left", "wheel_rr": "Right"}
+    log = "".join(speeds(k, left=0xFFFF if k == 20 else 0x2000) for k in range(40))
+    for dbc in (
+        ABSENT.replace("[0|250.996]", "[0|0]"),
+        ABSENT + 'VAL_ 928 Left 65535 "Fastest" ;\n',
+    ):
+        drive = read(log, Vehicle(signals=signals), dbc)
+        assert drive.odometry.left.max() == pytest.approx(0xFFFF / 256.0 / 3.6)
+        assert not drive.skipped
+
+
+def test_a_log_without_any_value_says_so(read):
+    log = "".join(speeds(k, left=0xFFFF) for k in range(40))
+    with pytest.raises(ReadError, match=r"moves the vehicle in it .signal not available: 40"):
+        read(log, Vehicle(signals={"speed": "Left"}), ABSENT)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("SNA", "NotAvailable", "not available", "NOT_AVAILABLE", "N/A", "NA", "Unavailable"),
+        *("Invalid", "SignalInvalid", "signal not valid", "Error", "Err", "Wheel_fault", "Failure"),
+        *(
+            "Signal_ungueltig",
+            "ung\u00fcltig",
+            "nicht verfuegbar",
+            "Nicht_verf\u00fcgbar",
+            "Fehler",
+        ),
+        *("Init", "Initialisierung", "Unterspannung", "unknown", "Reserved", "defekt", "Timeout"),
+    ],
+)
+def test_names_of_no_value_are_known(name):
+    assert is_no_value(name)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("No error", "NoFault", "kein Fehler", "fehlerfrei", "ErrorFree", "R", "Reverse", "N"),
+        *("Valid", "Standstill", "Stillstand", "Not reverse", "NotActive", "Off", "gueltig"),
+        *("Snail", "Natural", "Initiated", "Terror"),
+    ],
+)
+def test_names_of_values_are_not_taken_for_them(name):
+    assert not is_no_value(name)
 
 
 def test_a_log_without_its_dbc_is_refused(put):

@@ -22,6 +22,7 @@ from ..observations import (
     YawRate,
 )
 from ..readers.can import Signal, find_signals, reverse_value, si_factor, unit_factor
+from ..readers.can_absent import NOT_AVAILABLE, Absent, absent
 from ..readers.names import SENSED
 from ..readers.nmea import NmeaParser
 from ..readers.nmea_told import NmeaTold
@@ -125,6 +126,7 @@ class _Bits(NamedTuple):
     scale: float
     offset: float
     slow: Signal | None  # floats are left to cantools
+    absent: Absent
 
 
 class CanStream:
@@ -196,8 +198,11 @@ class CanStream:
             if len(data) < bits.bytes:
                 self.skipped_why["frame cut short"] += 1
                 continue
-            value = _value(bits, data)
-            if not math.isfinite(value):
+            number = _number(bits, data)
+            value = number * bits.scale + bits.offset
+            if bits.absent.holds(number):
+                self.skipped_why[NOT_AVAILABLE] += 1
+            elif not math.isfinite(value):
                 self.skipped_why["no number"] += 1
             elif bits.role == "reverse":
                 wanted_value = self._reverse_value
@@ -296,19 +301,17 @@ def _bits(role: str, signal: Signal) -> _Bits:
     sign = 1 << (about.length - 1) if about.is_signed else 0
     return _Bits(
         role, shift, (1 << about.length) - 1, sign, little, needed, scale, offset,
-        signal if about.is_float else None,
+        signal if about.is_float else None, absent(about, counter=role.endswith("_ticks")),
     )  # fmt: skip
 
 
-def _value(bits: _Bits, data: bytes) -> float:
-    """The physical value of a signal, SI."""
+def _number(bits: _Bits, data: bytes) -> float:
+    """What the bits of a signal say, before scale and offset."""
     if bits.slow is not None:
         raw = bits.slow.message.decode(
             data, decode_choices=False, scaling=False, allow_truncated=True
         )[bits.slow.name]
-        return float(raw) * bits.scale + bits.offset
+        return float(raw)
     number = int.from_bytes(data[: bits.bytes], "little" if bits.little else "big")
     number = number >> bits.start & bits.mask
-    if number & bits.sign:
-        number -= bits.mask + 1
-    return number * bits.scale + bits.offset
+    return number - bits.mask - 1 if number & bits.sign else number

@@ -20,6 +20,8 @@ from ..geodesy.angles import DEGREE, degrees
 from ..geodesy.units import KMH, KNOT, MPH
 from ..observations import Array, Drive, OdometryLog, SensorReading
 from ..settings import Vehicle
+from ..wording import by_reason
+from .can_absent import NOT_AVAILABLE, absent
 from .can_frames import Frames, key, read_frames
 from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
 from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, steered, unused, yaw_rates
@@ -103,12 +105,14 @@ def read_can(
         for role, signal in signals.items()
         if signal.frame in frames
     }
+    series = {role: one for role, one in series.items() if len(one[0])}
     sensed = _sensed({r: series.pop(r) for r in list(series) if r.startswith(SENSED)})
     log = _odometry(series, signals, vehicle, skipped, notes)
     if log is None and not sensed:
         silent = sorted(f"{s.name} (frame {s.message.name})" for s in signals.values())
+        why = f" ({by_reason(skipped)})" if skipped else ""
         raise ReadError(
-            f"{where}: none of {', '.join(silent)} moves the vehicle in it; both rear wheels, "
+            f"{where}: none of {', '.join(silent)} moves the vehicle in it{why}; both rear wheels, "
             "speed with yaw rate, an odometer or a speed were expected; is it the right .dbc?"
         )
     if log is not None:
@@ -196,6 +200,17 @@ def decode(signal: Any, data: Any) -> Array:
         (n,) values; the same as cantools' own, frame by frame.  The signal lies in at most
         eight bytes that are all there.
     """
+    return _scaled(_numbers(signal, data), signal)
+
+
+def _scaled(numbers: Array, signal: Any) -> Array:
+    """Physical values of numbers."""
+    with np.errstate(invalid="ignore", over="ignore"):  # floats may hold anything
+        return np.asarray(numbers * float(signal.scale) + float(signal.offset))
+
+
+def _numbers(signal: Any, data: Any) -> Array:
+    """What `decode` scales."""
     start, length = signal.start, signal.length
     if signal.byte_order == "little_endian":
         first, shift = divmod(start, 8)
@@ -208,8 +223,7 @@ def decode(signal: Any, data: Any) -> Array:
     for place, column in enumerate(columns):
         raw |= data[:, column].astype(np.uint64) << np.uint64(8 * place)
     raw = (raw >> np.uint64(shift)) & np.uint64((1 << length) - 1)
-    with np.errstate(invalid="ignore", over="ignore"):  # floats may hold anything
-        return np.asarray(_number(raw, signal) * float(signal.scale) + float(signal.offset))
+    return _number(raw, signal)
 
 
 def _number(raw: NDArray[np.uint64], signal: Any) -> Array:
@@ -233,9 +247,12 @@ def _series(
     whole &= keep((np.abs(frames.time) < LAST) | ~whole, NO_TIME, skipped)
     time, data = frames.time[whole], frames.data[whole]
     if last - first < 8:
-        values = decode(about, data)
+        numbers = _numbers(about, data)
     else:
-        values = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
+        numbers = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
+    none = absent(about, counter=role.endswith("_ticks")).among(numbers)
+    there = keep(~none, NOT_AVAILABLE, skipped)
+    time, values = time[there], _scaled(numbers[there], about)
     unit = (about.unit or "").strip()
     if role.startswith(SENSED):
         values = values * unit_factor(role.removeprefix(SENSED), unit)
@@ -263,7 +280,7 @@ def _bytes(about: Any) -> tuple[int, int]:
 
 
 def _slow(signal: Signal, data: bytes) -> float:
-    decoded = signal.message.decode(data, decode_choices=False, allow_truncated=True)
+    decoded = signal.message.decode(data, decode_choices=False, scaling=False, allow_truncated=True)
     return float(decoded[signal.name])
 
 
