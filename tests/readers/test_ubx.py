@@ -22,7 +22,10 @@ ITOW = 36 * 3_600_000  # ms, about then
 CAR = Vehicle(metres_per_tick_left=0.02, metres_per_tick_right=0.02, track_width=1.5)
 
 
-def pvt(k, *, lat=49.4, lon=8.7, speed=10.0, course=90.0, h_acc=2.0, kind=3, ok=1, valid=1, dt=1.0):
+def pvt(
+    k, *, lat=49.4, lon=8.7, speed=10.0, course=90.0, h_acc=2.0, kind=3, ok=1, valid=1, dt=1.0,
+    invalid=0,
+):  # fmt: skip
     """The NAV-PVT of the k-th epoch, by pyubx2."""
     stamp = np.datetime64(round((NOON + k * dt) * 1e3), "ms").item()
     return UBXMessage(
@@ -31,6 +34,7 @@ def pvt(k, *, lat=49.4, lon=8.7, speed=10.0, course=90.0, h_acc=2.0, kind=3, ok=
         hour=stamp.hour, min=stamp.minute, second=stamp.second, validDate=valid, validTime=valid,
         nano=stamp.microsecond * 1000, fixType=kind, gnssFixOk=ok, lat=lat, lon=lon,
         hAcc=round(h_acc * 1e3), gSpeed=round(speed * 1e3), headMot=course % 360.0, sAcc=200,
+        invalidLlh=invalid, hMSL=52_000,
     ).serialize()  # fmt: skip
 
 
@@ -201,6 +205,17 @@ def test_dead_reckoned_fixes_are_no_second_witness_beside_the_wheels_they_came_f
     assert drive.skipped == {"dead-reckoned fix (without GNSS)": 4}
     alone = read(b"".join(pvt(k, kind=1 if k > 5 else 3) for k in range(10)))
     assert len(alone.fixes) == 10
+
+
+def test_a_place_that_the_receiver_calls_invalid_is_none(read):
+    content = b"".join(pvt(k, invalid=int(3 <= k < 7)) for k in range(10))
+    drive = read(content, columns={"+height_m": "height_m"})
+    assert drive.fixes.time - NOON == pytest.approx([0, 1, 2, 7, 8, 9])
+    assert drive.skipped == {"epoch without a fix": 4}
+    assert len(drive.sensed) == 6
+    stream = NmeaStream()
+    assert [fix.time for fix in stream.feed(content)] == drive.fixes.time.tolist()
+    assert stream.skipped_why == {"epoch without a fix": 4}
 
 
 def test_epochs_without_a_fix_or_a_date_and_covariances_that_are_none_are_counted(read):

@@ -32,15 +32,15 @@ from .ubx_frames import (
     without,
 )
 from .ubx_sensors import measurements, odometry, on_utc
-from .ubx_told import RELPOSNED, UbxTold
+from .ubx_told import RELPOSNED, UbxTold, has_place
 
 _PVT = np.dtype({  # the fields that are used; places in the payload
     "names": ["itow", "year", "month", "day", "hour", "minute", "second", "valid", "nano",
               "kind", "flags", "satellites", "lon", "lat", "height", "h_acc", "speed", "course",
-              "s_acc"],
+              "s_acc", "flags3"],
     "formats": ["<u4", "<u2", "u1", "u1", "u1", "u1", "u1", "u1", "<i4",
-                "u1", "u1", "u1", "<i4", "<i4", "<i4", "<u4", "<i4", "<i4", "<u4"],
-    "offsets": [0, 4, 6, 7, 8, 9, 10, 11, 16, 20, 21, 23, 24, 28, 36, 40, 60, 64, 68],
+                "u1", "u1", "u1", "<i4", "<i4", "<i4", "<u4", "<i4", "<i4", "<u4", "u1"],
+    "offsets": [0, 4, 6, 7, 8, 9, 10, 11, 16, 20, 21, 23, 24, 28, 36, 40, 60, 64, 68, 78],
     "itemsize": 84,
 })  # fmt: skip
 _COV = np.dtype({
@@ -300,7 +300,7 @@ def _reported(
 ) -> Reported:
     """The epochs with a fix and a date."""
     kind = pvt["kind"]
-    fix = (pvt["flags"] & 1 == 1) & (kind >= _DEAD_RECKONED) & (kind < _TIME_ONLY)
+    fix = has_place(pvt) & (kind >= _DEAD_RECKONED) & (kind < _TIME_ONLY)
     keep(fix, _NO_FIX, skipped)
     if not keep_reckoned:
         fix &= keep(~fix | (kind != _DEAD_RECKONED), _RECKONED, skipped)

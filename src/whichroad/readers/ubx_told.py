@@ -26,6 +26,11 @@ _WEEK = 604_800.0  # s, of the receiver's time of week
 _NEAR = 5.0  # s from an epoch, within which its time holds for a heading
 
 
+def has_place(pvt: NDArray[np.void]) -> Bools:
+    """Whether epochs have a fix, and a place and height that the receiver does not call invalid."""
+    return np.asarray((pvt["flags"] & 1 == 1) & (pvt["flags3"] & 1 == 0))
+
+
 class UbxTold:
     """Messages in, readings out.
 
@@ -48,14 +53,14 @@ class UbxTold:
             dated: (n,) whether the receiver knows the time.
         """
         rows = zip(time.tolist(), pvt["satellites"].tolist(), (1e-3 * pvt["height"]).tolist(),
-                   (pvt["flags"] & 1).tolist(), pvt["itow"].tolist(), dated.tolist(),
-                   strict=True)  # fmt: skip
+                   (pvt["flags"] & 1).tolist(), has_place(pvt).tolist(), pvt["itow"].tolist(),
+                   dated.tolist(), strict=True)  # fmt: skip
         made = []
-        for at, count, height, fix, itow, known in rows:
+        for at, count, height, fix, high, itow, known in rows:
             if not known:
                 continue
             self._epoch = (1e-3 * itow, at)
-            values = {"satellites": float(count * fix)} | ({"height_m": height} if fix else {})
+            values = {"satellites": float(count * fix)} | ({"height_m": height} if high else {})
             made += self._reading(at, values)
         return made
 
