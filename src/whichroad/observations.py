@@ -19,7 +19,7 @@ from .named_fields import Record, by_name
 
 FROM_HDOP, ASSUMED = 1, 2  # Fixes.flags: covariance from HDOP times an error; the default
 NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon were used
-FROM_QUALITY = 8  # sigma of FROM_HDOP or ASSUMED that the receiver's kind of fix has changed
+FROM_QUALITY, RECKONED_PLACE = 8, 32768  # sigma by the kind of fix; dead-reckoned by the receiver
 # few decimals, in the covariance; none: on a line between fixes; where no vehicle can be
 ROUNDED, INTERPOLATED, STRAY = 16, 32, 2048
 HELD_SPEED, HELD_COURSE, ZERO_SPEED = 64, 128, 256  # not used: it repeats the row before; is 0

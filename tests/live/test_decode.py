@@ -10,14 +10,26 @@ import can
 import numpy as np
 import pytest
 
-from whichroad import GeoFix, Localizer, Vehicle, WheelTicks, YawRate, read_drive, read_vehicle
+from whichroad import (
+    Distance,
+    GeoFix,
+    Localizer,
+    Vehicle,
+    WheelTicks,
+    YawRate,
+    read_drive,
+    read_vehicle,
+)
+from whichroad.live.addresses import nmea_address
 from whichroad.live.decode import CanStream, NmeaStream
 from whichroad.live.filter_loop import FilterLoop
 from whichroad.live.playback import RecordedObservations
-from whichroad.live.sources import NmeaInput
+from whichroad.live.sources import READERS, NmeaInput
 from whichroad.live.vehicle_run import Fitted, VehicleRun
+from whichroad.nmea_frame import checksum
 from whichroad.readers.can_frames import key, read_frames
 from whichroad.readers.nmea import NmeaParser
+from whichroad.readers.reckoned_places import LEFT_OUT
 from whichroad.simulate.drive_files import nmea_text, write_drive
 from whichroad.simulate.simulated_drive import START
 
@@ -137,6 +149,58 @@ def test_with_times_of_arrival_a_fix_that_comes_late_is_not_taken_for_a_new_one(
         run._on_arrival(health, fixes, time.perf_counter())
     assert health.count == 5
     assert run.filter_loop.health()["skipped"] == {"time running backwards": 1}
+
+
+def dead_reckoned(burst):
+    """The burst, its GGA with the quality that a receiver gives to such a place."""
+    lines = []
+    for line in burst.splitlines():
+        fields = line.split(b"*")[0].split(b",")
+        if fields[0].endswith(b"GGA"):
+            fields[6] = b"6"
+        body = b",".join(fields)
+        lines.append(b"%s*%02X\r\n" % (body, checksum(body[1:])))
+    return b"".join(lines)
+
+
+@pytest.mark.parametrize("by_arrival", [False, True])
+@pytest.mark.parametrize(
+    ("kinds", "used"),
+    [((WheelTicks,), False), ((Distance, YawRate), False), ((Distance,), True), ((), True)],
+)
+def test_dead_reckoned_places_are_left_out_while_odometry_with_turns_is_heard(
+    town, ride, log, monkeypatch, kinds, used, by_arrival
+):
+    made = []
+    monkeypatch.setitem(READERS, "udp", lambda address, health, make: made.append(make()))
+    car = Localizer(town, vehicle=ride.vehicle)
+    run = VehicleRun(Fitted(car, nmea=[nmea_address("udp://:1")]), window=1.0, rate=10.0)
+    run.inputs(by_arrival)
+    loop, some = run.filter_loop, bursts(log)[:12]
+
+    async def feed():
+        for k, burst in enumerate(some):
+            now = time.time() if by_arrival else START + k
+            if k < 10:  # at the 11th it was heard a second ago
+                for kind in kinds:
+                    values = (0.0, 0.0) if kind is WheelTicks else (0.0,)
+                    loop.observe([kind(now - 0.001, *values)])
+            made[0].feed(dead_reckoned(burst) if k in (0, 6, 11) else burst)
+            made[0].end()
+
+    asyncio.run(feed())
+    (health,) = loop.sensors.values()
+    # the first says where the drive begins
+    assert health.count == (12 if used else 10)
+    assert health.skipped_why == ({} if used else {LEFT_OUT: 2})
+
+
+def test_odometry_that_fell_silent_stands_beside_no_place(town, ride, observations):
+    loop = FilterLoop(Localizer(town, vehicle=ride.vehicle), window=1.0)
+    assert not loop.odometry_beside(START)
+    loop.observe([one for one in observations if one.time < START + 20.0])
+    assert loop.odometry_beside(START + 20.0)
+    assert not loop.odometry_beside(START + 26.0)
 
 
 def test_a_clock_offset_moves_the_fixes(log):

@@ -8,7 +8,7 @@ from pynmeagps import NMEAReader
 
 from whichroad.errors import ReadError
 from whichroad.evidence.sensed import columns_of
-from whichroad.observations import ASSUMED, FROM_HDOP, FROM_QUALITY, NO_CORRELATION
+from whichroad.observations import ASSUMED, FROM_HDOP, FROM_QUALITY, NO_CORRELATION, RECKONED_PLACE
 from whichroad.readers import NmeaParser, read_drive
 from whichroad.readers.reported_fixes import as_records, from_gst
 from whichroad.sensors import DualAntenna
@@ -193,10 +193,26 @@ def test_the_kind_of_fix_decides_where_no_error_is_reported(nmea, read, quality,
         assert [fixes.cov_ee[0], fixes.cov_en[0], fixes.cov_nn[0]] == pytest.approx(
             [sigma**2, 0, sigma**2]
         )
-        assert fixes.flags[0] == FROM_HDOP | (FROM_QUALITY if error != 4.0 else 0)
+        expected = FROM_HDOP | (FROM_QUALITY if error != 4.0 else 0)
+        assert fixes.flags[0] == expected | (RECKONED_PLACE if quality == 6 else 0)
         parser = NmeaParser()
         (live,) = parser.feed(content) + parser.flush()
         assert [live.cov_ee, live.cov_nn] == [fixes.cov_ee[0], fixes.cov_nn[0]]
+
+
+def test_an_rmc_alone_says_that_its_place_is_dead_reckoned(nmea, read):
+    place = f"{nmea.angle(49.4, 2, 'NS')},{nmea.angle(8.7, 3, 'EW')}"
+    ends = [",,,A", ",,,E", ",,,E,V", ",,,R", ""]
+    content = b"".join(
+        nmea.sealed(f"GPRMC,08000{k}.00,A,{place},20.0,90.0,010626{end}")
+        for k, end in enumerate(ends)
+    )
+    fixes = read(content).fixes
+    factor = np.sqrt(fixes.cov_ee) / Settings().default_sigma_m
+    assert factor == pytest.approx([1.0, 2.5, 2.5, 1.0, 1.0])
+    assert (fixes.flags & RECKONED_PLACE > 0).tolist() == [False, True, True, False, False]
+    gga = nmea.burst(clock="080001.00", gst=None, knots=None)  # says that it has satellites
+    assert not (read(content + gga).fixes.flags[1] & RECKONED_PLACE)
 
 
 def test_a_reported_error_comes_before_the_kind_of_fix(nmea, read):

@@ -12,6 +12,7 @@ from whichroad.errors import ReadError
 from whichroad.live.decode import NmeaStream
 from whichroad.observations import ASSUMED, Odometer, WheelCounts
 from whichroad.readers import read_drive
+from whichroad.readers.reckoned_places import LEFT_OUT
 from whichroad.readers.reported_fixes import as_records
 from whichroad.readers.ubx import UbxParser
 from whichroad.sensors.odometry import motion_of
@@ -205,6 +206,18 @@ def test_dead_reckoned_fixes_are_no_second_witness_beside_the_wheels_they_came_f
     assert drive.skipped == {"dead-reckoned fix (without GNSS)": 4}
     alone = read(b"".join(pvt(k, kind=1 if k > 5 else 3) for k in range(10)))
     assert len(alone.fixes) == 10
+
+
+def test_beside_wheels_of_another_log_dead_reckoned_fixes_are_left_out(put):
+    content = b"".join(pvt(k, kind=1 if 4 <= k < 8 else 4, lon=8.7 + 1e-4 * k) for k in range(10))
+    rows = "".join(f"{NOON + k / 10},10,10\n" for k in range(100))
+    files = [put("a.ubx", content), put("w.csv", "time,wheel_rl_mps,wheel_rr_mps\n" + rows)]
+    (drive,) = read_drive(files)
+    assert drive.fixes.time - NOON == pytest.approx([0, 1, 2, 3, 8, 9])
+    assert drive.skipped == {LEFT_OUT: 4}
+    stream = NmeaStream(beside=lambda at: at >= NOON + 6)
+    assert len(stream.feed(content)) == 8
+    assert stream.skipped_why == {LEFT_OUT: 2}
 
 
 def test_a_place_that_the_receiver_calls_invalid_is_none(read):

@@ -27,6 +27,7 @@ from ..readers.names import SENSED
 from ..readers.nmea import NmeaParser
 from ..readers.nmea_told import NmeaTold
 from ..readers.reading import Reading
+from ..readers.reckoned_places import Beside, nothing_beside
 from ..readers.ubx import UbxParser
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
@@ -52,19 +53,26 @@ class NmeaStream:
         vehicle: Scales of the wheels that a dead-reckoning receiver reads; None: their ticks and
             the gyro are passed over.
         told: Which of `readers.names.TOLD` sensors ask for.
+        beside: Whether odometry that measures turns was heard about a time, on our clock: places
+            that the receiver dead-reckoned are left out then.
     """
 
     def __init__(
         self, settings: Settings | None = None, offset: float = 0.0,
         vehicle: Vehicle | None = None, told: Collection[str] = (),
+        beside: Beside = nothing_beside,
     ) -> None:  # fmt: skip
-        self._parser, self._offset = NmeaParser(settings, today=time.time()), offset
+        self._offset, now = offset, time.time()
+        self._parser = NmeaParser(settings, now, lambda at: beside(at + offset))
         self._sensors = None if vehicle is None else ReceiverSensors(vehicle)
         asked = {SENSED + name: name for name in told}
-        self._ubx = UbxParser(Reading.of(settings=settings, columns=asked), self._sensors)
+        self._ubx = UbxParser(
+            Reading.of(settings=settings, columns=asked), self._sensors,
+            lambda at: beside(at + offset),
+        )  # fmt: skip
         self._status = StatusReader()
         self._readings: list[SensorReading] = []
-        self._told = NmeaTold(time.time(), told) if told else None
+        self._told = NmeaTold(now, told) if told else None
 
     @property
     def skipped(self) -> int:

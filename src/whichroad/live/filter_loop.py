@@ -19,6 +19,7 @@ from ..diagnosis.sensor_states import SensorState
 from ..errors import WhichroadError
 from ..observations import GeoFix, Observation
 from ..online import Estimate, Localizer
+from ..readers.reckoned_places import HEARD
 from .dead_reckoning import DeadReckoning
 from .health import Health, Latency
 from .heard_sensors import HeardSensors
@@ -291,6 +292,14 @@ class FilterLoop:
     def answered(self) -> bool:
         """Whether the filter has started."""
         return self.localizer.answered
+
+    def odometry_beside(self, at: float) -> bool:
+        """Whether the filter has begun, and odometry that measures turns was heard about then.
+
+        Args:
+            at: A time, s.
+        """
+        return self.answered and self.heard.turns(at - HEARD)
 
     def mask(self, masked: bool) -> None:
         """Withhold fixes from the filter, or stop doing so."""

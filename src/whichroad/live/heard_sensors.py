@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Mapping, Sequence
+from math import inf
 from typing import Any
 
 from ..diagnosis.sensor_states import DISTANCE, GNSS, TURNS, SensorState
@@ -66,6 +67,11 @@ class HeardSensors:
                     self._hear(name, one.time)
         else:
             self._hear(KINDS[type(one)], one.time)
+
+    def turns(self, since: float) -> bool:
+        """Whether odometry that measures turns, too, was heard since a time, s."""
+        heard = {n for n, one in self._times.items() if max(one.recent, default=-inf) >= since}
+        return bool(heard & {"wheels", "speed_and_gyro"}) or {"odometer", "gyro"} <= heard
 
     def forget_after(self, time: float) -> None:
         """A recording was turned back to a time, s."""

@@ -121,6 +121,10 @@ class VehicleRun:
         columns = fitted.localizer.sensor_columns
         told = told_of(columns)
         deliver = self._on_arrival if by_arrival else filter_loop.take
+
+        def beside(at: float) -> bool:
+            return filter_loop.odometry_beside(time.time() if by_arrival else at)
+
         inputs: list[Coroutine[Any, Any, None]] = []
         for address in fitted.nmea:
             health = filter_loop.sensor(name_of(address), "gnss")
@@ -130,7 +134,7 @@ class VehicleRun:
                 health: Any = health, offset: float = offset, name: str = name_of(address)
             ) -> NmeaInput:
                 wheels = None if fitted.can else car  # those of a bus come first
-                stream = NmeaStream(settings, offset, wheels, told)
+                stream = NmeaStream(settings, offset, wheels, told, beside)
                 sensor = partial(filter_loop.sensor, f"{name}, sensors", "wheels")
                 return NmeaInput(health, stream, deliver, sensor)
 

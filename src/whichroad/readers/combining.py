@@ -25,6 +25,7 @@ from ..wording import moment
 from .checks import Skipped, in_order, listed
 from .drive_columns import steered
 from .odometry_fit import with_fit_notes, with_speed_notes
+from .reckoned_places import without_reckoned
 from .units_by_places import distances
 from .wheel_counters import cumulative
 from .without_times import NOTE
@@ -282,7 +283,7 @@ def _one(drives: list[Drive], name: str, vehicle: Vehicle) -> Drive:
             sensed=tuple(sorted((s for d in drives for s in d.sensed), key=lambda s: s.time)),
             gyro=gyro,
         )
-    return with_speed_notes(with_fit_notes(drive, vehicle))
+    return with_speed_notes(with_fit_notes(without_reckoned(drive), vehicle))
 
 
 def _same_clock(name: str, fixes: Fixes | None, odometry: OdometryLog | None) -> None:

@@ -31,6 +31,7 @@ from .gpx import read_gpx
 from .names import SENSED, Seen, normal
 from .odometry_fit import with_fit_notes
 from .reading import Reading
+from .reckoned_places import without_reckoned
 from .source import Source
 from .table_drives import Trip, trips_of
 from .table_files import table_of
@@ -120,7 +121,7 @@ def drive_from_table(
             for name, frame in frames
             for drive in drives_of(in_memory(frame, reading), reading, Counter(), name, name)
         ]
-    return [with_fit_notes(drive, reading.vehicle) for drive in drives]
+    return [with_fit_notes(without_reckoned(drive), reading.vehicle) for drive in drives]
 
 
 def drives_of(

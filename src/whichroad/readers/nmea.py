@@ -22,6 +22,7 @@ from .names import told_of
 from .nmea_bursts import Bursts
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
 from .nmea_told import READ_BY, NmeaTold
+from .reckoned_places import Beside, nothing_beside, without_heard
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
 from .source import Source
 
@@ -93,13 +94,18 @@ class NmeaParser:
     Args:
         settings: Gives the range error and the sigma of fixes that report none.
         today: A time (s since 1970) of the day that is taken until RMC or ZDA gives the date.
+        beside: Whether odometry that measures turns was heard about a time: places that the
+            receiver dead-reckoned are left out then.
 
     Attributes:
         skipped: How many sentences were not used, by reason.
         others: How many good sentences were of types that are not needed.
     """
 
-    def __init__(self, settings: Settings | None = None, today: float = 0.0) -> None:
+    def __init__(
+        self, settings: Settings | None = None, today: float = 0.0, beside: Beside = nothing_beside
+    ) -> None:
+        self._beside = beside
         self.skipped: Skipped = Counter()
         self.others: Counter[str] = Counter()
         self._settings = settings or Settings()
@@ -142,7 +148,7 @@ class NmeaParser:
         if done is None:
             return []
         fixes = []
-        for fix in as_records(self.fixes(done)):
+        for fix in as_records(without_heard(self.fixes(done), self._beside, self.skipped)):
             if fix.time in self._out:
                 self.skipped[REPEATED] += 1
             else:
@@ -263,7 +269,8 @@ def _reported(time: Array, reported: dict[str, Array], late: Bools, skipped: Ski
     from_gga = ~np.isnan(reported["quality"])
     lat = np.where(from_gga, reported["lat"], reported["rmc_lat"])
     lon = np.where(from_gga, reported["lon"], reported["rmc_lon"])
-    fix: Bools = ~(np.isnan(lat) | np.isnan(lon)) & ~(reported["quality"] == NO_FIX)
+    quality = np.where(from_gga, reported["quality"], reported["rmc_quality"])
+    fix: Bools = ~(np.isnan(lat) | np.isnan(lon)) & ~(quality == NO_FIX)
     keep(fix, _NO_FIX, skipped)
     if disordered := int(np.count_nonzero(late[fix])):
         skipped[BACKWARDS] += disordered
@@ -280,7 +287,7 @@ def _reported(time: Array, reported: dict[str, Array], late: Bools, skipped: Ski
         cov_nn=cov_nn,
         no_correlation=no_correlation,
         hdop=reported["hdop"],
-        quality=reported["quality"],
+        quality=quality,
         speed=speed,
         bearing_deg=reported["course"],
     ).rows(np.flatnonzero(fix))

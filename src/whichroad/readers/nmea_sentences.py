@@ -17,7 +17,7 @@ from ..nmea_frame import checksum
 from ..observations import Array
 from .checks import NO_TIME, Bools, Ints, Skipped, keep
 from .dates import day_of
-from .fix_quality import quality_of_modes
+from .fix_quality import RECKONED, quality_of_modes
 from .parsing import Bytes, decimal, hexadecimal
 
 LONGEST = 1024  # bytes from $ to checksum; the standard allows 82, some receivers exceed it
@@ -31,6 +31,7 @@ SHORT = "too few fields"
 COLUMNS = (
     *("lat", "lon", "quality", "hdop"),  # GGA, GNS
     *("rmc_lat", "rmc_lon", "speed", "course", "day", "valid"),  # RMC; VTG, ZDA have some
+    "rmc_quality",
     *("major", "minor", "orientation", "sigma_lat", "sigma_lon"),  # GST
 )
 
@@ -66,7 +67,11 @@ TYPES = {
     "ZDA": _type("ZDA", 5, (1, 2, 3, 4), (), "day"),
     "VTG": _type("VTG", 8, (1, 5), (6,), "course speed", timed=False),
     "RMC": _type(
-        "RMC", 10, (1, 3, 5, 7, 8, 9), (2, 4, 6), "rmc_lat rmc_lon speed course day valid"
+        "RMC",
+        10,
+        (1, 3, 5, 7, 8, 9),
+        (2, 4, 6, 12),
+        "rmc_lat rmc_lon speed course day valid rmc_quality",
     ),
     "GNS": _type("GNS", 9, (1, 2, 4, 8), (3, 5, *[6] * _SYSTEMS), "lat lon quality hdop"),
     "GGA": _type("GGA", 9, (1, 2, 4, 6, 8), (3, 5), "lat lon quality hdop"),
@@ -294,6 +299,7 @@ class _Fields:
     def spans(self, rows: Ints, numbers: tuple[int, ...]) -> tuple[Ints, Ints]:
         """Where the fields `numbers` of the sentences `rows` begin and end, (fields, rows)."""
         comma = self.first[rows] + np.array(numbers, np.int64)[:, None]
+        comma = np.minimum(comma, len(self.commas) - 1)  # short sentences lack the last fields
         return self.commas[comma - 1] + 1, np.minimum(self.commas[comma], self.star[rows])
 
     def letters(self, rows: Ints, numbers: tuple[int, ...]) -> Bytes:
@@ -347,8 +353,9 @@ def _gns(numbers: Array, letters: Bytes, bad: Bools) -> Array:
 
 def _rmc(numbers: Array, letters: Bytes, bad: Bools) -> Array:
     valid = letters[0] == ord("A")
-    place = _place(numbers[1:3], letters[1:], bad)
-    decoded = np.vstack([place, KNOT * numbers[3], numbers[4], _day(numbers[5]), valid])
+    place = _place(numbers[1:3], letters[1:3], bad)
+    quality = np.where(letters[3] == ord("E"), RECKONED, np.nan)
+    decoded = np.vstack([place, KNOT * numbers[3], numbers[4], _day(numbers[5]), valid, quality])
     decoded[:5, ~valid] = np.nan  # receivers that search write anything
     return decoded
 

@@ -20,6 +20,7 @@ from ..observations import (
     MOVING,
     NO_CORRELATION,
     OTHER_UNIT,
+    RECKONED_PLACE,
     ROUNDED,
     SIGMA_SPEED,
     STRAY,
@@ -31,7 +32,7 @@ from ..sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE, TOO_VAGUE, WORST
 from ..settings import Settings
 from .checks import Bools, Ints, Skipped, in_order, is_place, keep
 from .coarse_steps import coarse_steps
-from .fix_quality import LEAST_SIGMA, NO_FIX, error_ratios
+from .fix_quality import LEAST_SIGMA, NO_FIX, RECKONED, error_ratios
 from .interpolated_places import interpolated
 from .late_speeds import Columns, in_time
 from .other_units import other_units
@@ -244,6 +245,7 @@ def _covariance(
         ratio = error_ratios(r.quality)
         sigma = np.where(ratio == 1.0, sigma, np.maximum(ratio * sigma, LEAST_SIGMA))
         flags |= np.where(~good & (ratio != 1.0), FROM_QUALITY, 0).astype(np.uint16)
+        flags |= np.where(r.quality == RECKONED, RECKONED_PLACE, 0).astype(np.uint16)
     if r.no_correlation is not None:
         flags |= np.where(good & r.no_correlation, NO_CORRELATION, 0).astype(np.uint16)
     ee, nn = np.where(good, ee, sigma**2), np.where(good, nn, sigma**2)

@@ -13,8 +13,10 @@ from ..errors import ReadError
 from ..observations import Drive, Fixes, GeoFix, SensorReading
 from ..wording import by_reason
 from .checks import REPEATED, Bools, Ints, Skipped, keep
+from .fix_quality import RECKONED, SINGLE
 from .names import told_of
 from .reading import Reading
+from .reckoned_places import Beside, nothing_beside, without_heard
 from .reported_fixes import RADIUS_68, Reported, as_records, make_fixes
 from .source import Source
 from .ubx_frames import (
@@ -144,6 +146,8 @@ class UbxParser:
     Args:
         reading: Gives the sigma of fixes that report none.
         sensors: Takes ESF-MEAS; None: it is passed over.
+        beside: Whether odometry that measures turns was heard about a time: places that the
+            receiver dead-reckoned are left out then.
 
     Attributes:
         told: What further sensors ask for, since it was last taken from here.
@@ -151,8 +155,12 @@ class UbxParser:
         seen: Whether a NAV-PVT has come.
     """
 
-    def __init__(self, reading: Reading | None = None, sensors: Sensors | None = None) -> None:
+    def __init__(
+        self, reading: Reading | None = None, sensors: Sensors | None = None,
+        beside: Beside = nothing_beside,
+    ) -> None:  # fmt: skip
         self.skipped: Skipped = Counter()
+        self._beside = beside
         self.seen = False
         self.told: list[SensorReading] = []
         self._sensors = sensors
@@ -199,6 +207,7 @@ class UbxParser:
             return []
         reckoned = self._sensors is None or not self._sensors.useful
         whole = _fixes_of(frame + cov_frame, self._reading, self.skipped, keep_reckoned=reckoned)
+        whole = without_heard(whole, self._beside, self.skipped)
         fixes = [fix for fix in as_records(whole) if fix.time not in self._out]
         if len(fixes) < len(whole):
             self.skipped[REPEATED] += 1
@@ -319,4 +328,5 @@ def _reported(
         speed=1e-3 * pvt["speed"],
         sigma_speed=1e-3 * pvt["s_acc"],
         bearing_deg=1e-5 * pvt["course"],
+        quality=np.where(kind == _DEAD_RECKONED, RECKONED, SINGLE),
     ).rows(np.flatnonzero(fix))
