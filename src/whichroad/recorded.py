@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .diagnosis.finding import Finding
-from .diagnosis.findings import findings_of
+from .diagnosis.findings import findings_of, is_scale
 from .diagnosis.further_sensors import further_findings, readings_of
 from .diagnosis.map_offset import MapError, map_error_of
 from .diagnosis.off_roads import off_road_findings
@@ -161,7 +161,8 @@ def localize_recorded(
         # settings are not judged by sensors that are wrong
         found = 0.0 if vehicle.least_speed else timeline.least_speed
         notes = (*tick_findings(timeline.tick), *least_speed_findings(found))
-        return (*further, *notes, *(withheld or fit()))
+        judged = not withheld or is_scale(withheld)
+        return (*further, *notes, *(fit() if judged else withheld))
 
     def off_roads(answered: Output) -> tuple[Finding, ...]:
         return tuple(off_road_findings(epochs, answered.rows, [0, n], roads.arrays).values())

@@ -258,6 +258,65 @@ def test_exact_fixes_without_an_antenna_are_worth_a_note_where_there_is_odometry
         assert all("the middle of the rear axle" in one.advice for one in found)
 
 
+SCATTER = "gnss: times"
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+@pytest.mark.parametrize(("delay", "jitter"), [(0.0, 0.0), (0.1, 0.0), (0.0, 0.2)])
+def test_exact_fixes_stamped_on_arrival_are_named_and_a_steady_delay_is_not(
+    town, seed: int, delay: float, jitter: float
+):
+    roads, _ = town
+    drive = simulate_drive(roads, seed=seed, length_m=3000.0, scenario=RTK).drive
+    fixes, log = drive.fixes, drive.odometry
+    square = np.full(len(fixes), 0.02**2)
+    later = delay + np.random.default_rng(seed).uniform(0.0, jitter, len(fixes))
+    fixes = replace(
+        fixes, time=fixes.time + later, cov_ee=square, cov_nn=square, cov_en=0.0 * square
+    )
+    localizer = whichroad.Localizer(roads)
+    wheels = [WheelTicks(*row) for row in zip(log.time, log.left, log.right, strict=True)]
+    for one in sorted([*as_records(fixes), *wheels], key=lambda each: each.time):
+        localizer.update(one)
+    whole = whichroad.match(replace(drive, fixes=fixes), roads)
+    for found in (whole.diagnosis, localizer.diagnosis):
+        named = {one.what: one for one in found if one.what != UNTOLD}
+        assert (SCATTER in named) if jitter else not named
+        if jitter:
+            assert named[SCATTER].level == "warning"
+            assert named[SCATTER].statistic == pytest.approx(jitter / math.sqrt(12.0), rel=0.4)
+            assert "stamped on arrival" in named[SCATTER].advice
+
+
+def test_the_statistics_do_not_depend_on_how_often_they_are_asked_for():
+    rows, whole, asked = drive(2, seconds=300, rate=5), *(
+        ConsistencyStatistics(FITS, CAR) for _ in range(2)
+    )  # fmt: skip
+    fixed = Row._fields.index("has_fix")
+    rows[:, fixed] = np.roll(rows[:, fixed], 2)  # no second of moving begins at a fix
+    whole.take(rows)
+    for row in rows:
+        asked.take(row[None])
+    assert asked.times() == pytest.approx(whole.times(), rel=1e-6)
+    assert asked.shift()[:1] == pytest.approx(whole.shift()[:1], rel=1e-6)
+    assert asked.times().sigma > 0.0
+
+
+def test_wheels_that_slip_when_they_drive_do_not_name_the_times_of_exact_fixes():
+    rows = drive(3, sigma=0.005, seconds=400)
+    rows[:, [Row._fields.index(name) for name in ("major", "minor")]] = 0.02
+    speed = rows[:, Row._fields.index("speed")]
+    slip = np.where(np.gradient(speed) > 0.3, 1.1, 1.0)  # of the filter's speed, by its wheels
+    slipped = rows.copy()
+    slipped[:, Row._fields.index("speed")] *= slip
+    assert SCATTER not in found(slipped)
+    ahead = np.exp(1j * rows[:, Row._fields.index("heading")])
+    late = np.random.default_rng(3).uniform(0.0, 0.2, len(rows)) * speed * ahead
+    rows[:, Row._fields.index("fix_x")] -= late.real
+    rows[:, Row._fields.index("fix_y")] -= late.imag
+    assert SCATTER in found(rows)
+
+
 def test_exact_fixes_alone_are_worth_no_note_on_the_antenna(town):
     roads, _ = town
     settings = replace(RTK, antenna_forward=0.0)

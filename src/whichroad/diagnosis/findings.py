@@ -5,6 +5,7 @@ found by simulation; the bands leave fewer than one in a hundred of such drives 
 """
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from .._compile import Record, Records
@@ -32,6 +33,9 @@ _ANTENNA = 1.5  # m, largest error of the lever arm,
 _FINE_ANTENNA, _OF_REPORTED = 0.4, 4.0  # and of fine receivers: m, and times the reported sigma
 _AHEAD = 1.25  # ahead it may be as much larger: a track width 3 % off looks like that
 _PRECISE = 0.3  # m, reported sigma below which the place of the antenna matters
+_TIMES = 0.025  # s by which times of fixes may scatter
+_ALONG, _OF_TOLD = 1.5, 4.0  # errors along the way over those across it, and over the told sigma
+_ADDS_UP = 2.6  # the same after 10 s over those after 2 s, where the wheels err
 _COARSEST = 500.0  # m, of the settings
 _SURE = 4.0  # significance of a measured offset, in sigmas
 _MAP = 1.1  # largest mean square map error over that of the settings
@@ -60,17 +64,23 @@ def findings(
     by those before, so that it is not judged as long as those do not fit.
     """
     withheld = () if vetting is None else sensor_findings(vetting, moved)
-    if withheld:
-        return withheld
+    times = _scattered_times(statistics)
+    if withheld:  # a scale may have been learnt of fixes at wrong times
+        return (*times, *withheld) if is_scale(withheld) else withheld
     turned = headings_finding(map_error, statistics.settings)
-    note = _untold_antenna(statistics)
+    note = times + _untold_antenna(statistics)
     if statistics.moving < _LEAST:
         return turned + note
     found = _wheels(statistics) or _shift(statistics)
     of_map = offset_finding(map_error) + turned
     if any(one.what == "antenna" for one in found):
-        note = ()
+        note = tuple(one for one in note if one.what != "antenna: not told")
     return (*(found or of_map or _map(statistics) or _gnss(statistics)), *note)
+
+
+def is_scale(withheld: Sequence[Finding]) -> bool:
+    """Whether nothing else was found of sensors than that the odometry's scale was learnt."""
+    return {one.what for one in withheld} == {"wheels: scale"}
 
 
 def _wider(statistics: ConsistencyStatistics, band: float) -> float:
@@ -157,6 +167,23 @@ def _untold_antenna(statistics: ConsistencyStatistics) -> tuple[Finding, ...]:
             "the fixes are so exact that the place of the antenna matters, which is taken to be "
             "the middle of the rear axle; if it is elsewhere, set forward_m and left_m under "
             "[antenna] in vehicle.toml (antenna_forward, antenna_left)",
+        ),
+    )  # fmt: skip
+
+
+def _scattered_times(statistics: ConsistencyStatistics) -> tuple[Finding, ...]:
+    """Fixes that leave the way ahead and behind, far beyond what they tell, and not aside."""
+    sigma, along, later, across = statistics.times()
+    if not statistics.counted or not statistics.steered or sigma <= _TIMES:
+        return ()
+    if later > _ADDS_UP * along or along <= max(_ALONG * across, _OF_TOLD * statistics.reported):
+        return ()
+    return (
+        Finding(
+            "gnss: times", "warning", sigma, 0.0, _TIMES,
+            f"fixes are {along:.1f} m off along the way and {across:.1f} m across it; times that "
+            f"are wrong by {sigma:.2f} s explain it; are the fixes, or the odometry, stamped on "
+            "arrival? give the times of the measurements, or larger sigmas",
         ),
     )  # fmt: skip
 

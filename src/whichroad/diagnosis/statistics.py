@@ -38,6 +38,7 @@ _FEW_TURNS = 20.0  # rad², least sum of squared turns
 _MOST = 20.0  # most that a pair may count, times its expectation
 _GRID = np.geomspace(1 / 16, 16, 65)  # σ² and T over those of the settings
 _ABOVE, _BELOW = 0.3, 0.6  # log σ² over and under the scale that the filter has learnt
+_FEWEST_TIMES = 100.0  # pairs that show how times scatter
 _WEIGHT = 0.04  # weight of log D for each pair and 1/s of lag
 
 
@@ -63,7 +64,7 @@ class Row(NamedTuple):
 
 _ESTIMATED = ("speed", "heading", "gnss_scale", "x", "y", "map_x", "map_y")
 _ROW = struct.Struct(f"={len(Row._fields)}d")
-_SUMS = ("_state", "_pairs", "_turning", "_shifting", "_errors", "_metres")  # of a drive
+_SUMS = ("_state", "_pairs", "_turning", "_shifting", "_errors", "_metres", "_times")  # of a drive
 _BLOCK = 2048  # epochs that are accumulated together on line
 
 
@@ -83,6 +84,15 @@ class Shift(NamedTuple):
     antenna: complex  # m, ahead + i left
     sigma_late: float
     sigma_antenna: float
+
+
+class Times(NamedTuple):
+    """How fixes scatter along the way from one to the next, as times that are not theirs make."""
+
+    sigma: float  # s, that would explain it
+    along: float  # m
+    later: float  # m, the same after a longer time: what wheels err adds up, times do not
+    across: float  # m
 
 
 def rows_of(epochs: Records, output: Output) -> Array:
@@ -122,6 +132,7 @@ class ConsistencyStatistics:
         self._last: Array | None = None  # row
         self._driven = 0j  # m, by the odometer as the filter corrects it
         self._state = np.zeros(6)  # moving s, heading, turn, arc, breaks, clock s
+        self._cell = 0.0  # second of moving of the last fix that counts
         self._recent = _Fixes(*(np.zeros(0, complex if i in (1, 2) else float) for i in range(9)))
         self._pairs = np.zeros((len(LAGS), 4))  # number, D, m driven over variance, lag
         self._turning = np.zeros(5)  # sums of turn², turn arc, arc², turn heading, arc heading
@@ -129,6 +140,9 @@ class ConsistencyStatistics:
         # fixes, scale², map error² over the setting's, logarithms of reported variances
         self._errors = np.zeros(4)
         self._metres = np.zeros(2)  # by the filter, by the odometer
+        # pairs of the two shortest lags: number, and sums of a², av, v², c², u² of differences
+        # along the way, of speed, and across the way, and of speeds
+        self._times = np.zeros((2, 6))
 
     def accumulate(self, epoch: Sequence[float], estimate: Sequence[float]) -> None:
         """Add an epoch, as on line; it is accumulated later.
@@ -194,14 +208,15 @@ class ConsistencyStatistics:
             ]
         )  # fmt: skip
         state = self._state + np.cumsum(change, axis=0)
-        cell = np.floor(np.append(self._state[0], state[:, 0]))
+        cell = np.floor(np.append(self._state[0], state[:, 0]))  # s of moving
         self._driven, self._state = complex(driven[-1]), state[-1]
         warm = state[:, 0] > _WARM
         counted = np.abs(step) * (table.arc != 0.0)  # who creeps below an odometer's least speed
         self._metres += [counted[warm].sum(), change[warm, 3].sum()]
         seen = np.flatnonzero((table.has_fix > 0) & warm)
-        first_in_cell = np.diff(cell[seen + 1], prepend=cell[0]) > 0
+        first_in_cell = np.diff(cell[seen + 1], prepend=self._cell) > 0
         seen = seen[first_in_cell]  # one a second at most, none while standing
+        self._cell = float(cell[seen[-1] + 1]) if len(seen) else self._cell
         at = Row(*rows[seen].T)
         ahead = np.exp(1j * at.heading)
         error = at.fix_x + 1j * at.fix_y - self._antenna * ahead - driven[seen]
@@ -226,6 +241,8 @@ class ConsistencyStatistics:
             self._pairs[number] += [
                 len(a), np.minimum(seen, _MOST * expected).sum(), driven.sum(), apart[near].sum(),
             ]  # fmt: skip
+            if number <= _MIDDLE:
+                self._add_times(number, every, a, b)
             if number == _MIDDLE:
                 over = every.clock if self.by_time else every.arc
                 swing, turn, arc = (x[b] - x[a] for x in (every.heading, every.turn, over))
@@ -251,6 +268,25 @@ class ConsistencyStatistics:
             (weight * (x.conj() * y)).sum()
             for x, y in ((v, v), (v, u), (u, u), (v, e), (u, e), (e, e))
         ] + [len(a)]
+
+    def _add_times(self, lag: int, fixes: _Fixes, a: Chosen, b: Chosen) -> None:
+        """Differences between fixes a and b, along and across the way."""
+        off = (fixes.error[b] - fixes.error[a]) * fixes.ahead[b].conj()
+        along, across, faster = off.real, off.imag, fixes.speed[b] - fixes.speed[a]
+        self._times[lag] += [
+            len(a), along @ along, along @ faster, faster @ faster, across @ across,
+            fixes.speed[b] @ fixes.speed[b],
+        ]  # fmt: skip
+
+    def times(self) -> Times:
+        """How the times of fixes scatter; a delay that is always the same is none of it."""
+        self._flush()
+        n, aa, av, vv, cc, uu = self._times.T
+        if n.min() < _FEWEST_TIMES or uu.min() <= 0.0:
+            return Times(0.0, 0.0, 0.0, 0.0)
+        along = 0.5 * np.maximum(aa - av * av / np.maximum(vv, 1e-9), 0.0) / n
+        metres, later = np.sqrt(along).tolist()
+        return Times(metres / math.sqrt(uu[0] / n[0]), metres, later, math.sqrt(0.5 * cc[0] / n[0]))
 
     def _expected(self, lag: Array) -> Array:
         s = self.settings
