@@ -24,15 +24,23 @@ ROADS = network(
 )
 
 
-def passed(chain: list[tuple[int, float]], seen: list[tuple[float, int, float, float]]) -> Records:
-    """Times of a chain (edge, entered) by what is seen (time, edge, abscissa, P)."""
+def passed(
+    chain: list[tuple[int, float]],
+    seen: list[tuple[float, int, float, float]],
+    other: int = NO_EDGE,
+) -> Records:
+    """Times of a chain (edge, entered) by what is seen (time, edge, abscissa, P).
+
+    What is left of P is that of the edge `other`, or of none at epochs on that edge itself.
+    """
     epochs = records(len(seen), EPOCH)
     rows = new_output(len(seen), False).rows
     rows.alt_edge[:] = NO_EDGE
     for k, (time, edge, s, p) in enumerate(seen):
         epochs[k].time = time
         rows[k].live, rows[k].edge, rows[k].s, rows[k].p_edge = 1, edge, s, p
-        rows[k].alt_edge[0], rows[k].alt_p[0] = edge, p
+        rest = other if edge != other else NO_EDGE
+        rows[k].alt_edge[:2], rows[k].alt_p[:2] = (edge, rest), (p, 1.0 - p)
     driven = records(len(chain), TRAVERSAL)
     driven.edge, driven.entered, driven.share = *np.array(chain).T, 1.0
     first = np.zeros(len(chain) + 1, np.int64)
@@ -105,6 +113,27 @@ def test_an_unsure_point_does_not_hold_the_path_back():
     driven = passed([(0, 0.0), (2, 6.5)], seen)
     assert driven[0].exit_time <= 5.0
     assert driven[1].p == np.float32(0.999)
+
+
+def test_a_wait_before_a_node_is_part_of_the_edge_on_which_it_is_likelier():
+    """It stands at 95 m, and the hypothesis that wins in the end crossed the node at 12 s."""
+    seen = [(float(k), 0, 10.0 * k, 0.999) for k in range(9)]
+    seen += [(9.0 + k, 0, 95.0, 0.6) for k in range(30)]
+    seen += [(39.0 + k, 2, 1.0 + 10.0 * k, 0.7 if k == 0 else 0.999) for k in range(5)]
+    glances = [(t, 2, 1.0, 0.55) if t in {14.0, 20.0, 21.0} else (t, *at) for t, *at in seen]
+    for told in (seen, glances):
+        driven = passed([(0, 0.0), (2, 12.0)], told, other=2)
+        assert 38.0 <= driven[0].exit_time <= 39.0
+        assert [r.exit_m - r.enter_m for r in driven] == [100.0, 41.0]
+        assert driven[-1].exit_time == 43.0
+
+
+def test_a_wait_behind_a_node_is_part_of_the_edge_that_was_entered():
+    """Both edges are likely, that behind the node more so."""
+    seen = [(float(k), 0, 10.0 * k, 0.999) for k in range(10)]
+    seen += [(10.0 + k, 2, 5.0, 0.6) for k in range(30)]
+    seen += [(40.0 + k, 2, 10.0 * k, 0.999) for k in range(1, 5)]
+    assert 9.0 <= passed([(0, 0.0), (2, 10.0)], seen, other=0)[0].exit_time <= 10.0
 
 
 def test_edges_that_no_point_has_seen_get_the_time_from_the_start_by_their_lengths():

@@ -1,5 +1,8 @@
 """When and where the edges of a path were driven, by the estimates of the epochs.
 
+The hypothesis that wins in the end may cross a node long before the vehicle does, which stands a
+few metres in front of it.  An epoch is therefore one of the edge that is the likelier there.
+
 An edge of the path is *seen* at the epochs whose most probable edge it is.  It is driven from
 the first to the last of them at least, so that points and path agree, and left between the last
 one and the first at which an edge behind it is seen.  An edge that is never seen has the times at
@@ -111,11 +114,12 @@ def time_edges(
         driven: (r,) TRAVERSAL, edges in driving order, with `entered`, `along`, `left`,
             `share` and `route`; the rest but for the rules is written.  P is -1 of edges behind
             the path's end.
-        first: (r + 1,) the first epoch of each edge, and the number of epochs.
+        first: (r + 1,) the first epoch of each edge, and the number of epochs; overwritten.
         epochs: (n,) EPOCH.
         estimates: (n,) ESTIMATE.
         last_epoch: The last one with an estimate.
     """
+    _enter_when_likelier(driven, first, epochs, estimates, last_epoch)
     _see(driven, first, estimates, last_epoch)
     rows = len(driven)
     while rows > 1 and driven[rows - 1].last_seen < 0 and driven[rows - 1].left <= 0.0:
@@ -127,6 +131,35 @@ def time_edges(
     first[rows] = len(epochs)
     _see(driven[:rows], first[: rows + 1], estimates, last_epoch)
     _time_seen(roads, driven[:rows], first[: rows + 1], epochs, estimates, last_epoch)
+
+
+@kernel
+def _enter_when_likelier(
+    driven: Traversals, first: Ints, epochs: Epochs, estimates: Estimates, last_epoch: int
+) -> None:  # fmt: skip
+    """Move first epochs of edges on while the edge before is the likelier one, in sum.
+
+    Of the epochs from which on an edge may have the time, that one is taken for which P of the
+    edge before, up to it, and P of its own, from it on, have the largest sum.  The epoch that is
+    first sure of an edge is the last of them.
+    """
+    for back in range(1, len(driven)):
+        i = len(driven) - back
+        before, own = driven[i - 1].edge, driven[i].edge
+        lead = most = 0.0
+        for k in range(first[i], min(first[i + 1], last_epoch + 1)):
+            if estimates[k].edge == own and estimates[k].p_edge >= _SURE:
+                break
+            if epochs[k].filled == 1:  # nothing is known
+                continue
+            for a in range(len(estimates[k].alt_edge)):
+                if estimates[k].alt_edge[a] == before:
+                    lead += estimates[k].alt_p[a]
+                elif estimates[k].alt_edge[a] == own:
+                    lead -= estimates[k].alt_p[a]
+            if lead > most:
+                most = lead
+                first[i] = k + 1
 
 
 @kernel
