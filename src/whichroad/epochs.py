@@ -5,8 +5,8 @@ and differenced between epochs, so a fix between two wheel readings splits the a
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from .observations import INTERPOLATED, STRAY, Array, Drive, Fixes, SensorReadin
 from .sensors.clock_delay import delay_of
 from .sensors.dead_band import below, is_counted, whole_dead_band
 from .sensors.filled_gaps import HELD, filled_gaps
+from .sensors.glitches import without_glitches
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
 from .sensors.takeover import Takeover
@@ -53,6 +54,7 @@ class Timeline:
     late: float = 0.0  # s by which they still are in the epochs
     tick: float = 0.0  # rad that the wheels' counters resolve; 0: they measure no turns
     least_speed: float = 0.0  # m/s, below which odometry reads 0; 0: there is no such
+    skipped: Mapping[str, int] = field(default_factory=dict)  # readings left out, by reason
 
     @property
     def interval(self) -> float:
@@ -133,6 +135,7 @@ def build_timeline(
         DriveError: There is neither a fix nor odometry.
     """
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
+    drive, skipped = _without_glitches(drive)
     motion, wrong, delay = _motion(drive, fixes, plane, vehicle, mask, clocks)
     if motion is None and fixes is None:
         why = by_reason(drive.skipped)
@@ -191,7 +194,9 @@ def build_timeline(
         _heard(epochs, told, sensed), sensed.names
     )  # fmt: skip
     least = 0.0 if motion is None else motion.least_speed
-    return Timeline(epochs, mode, masked, heard, names, takeover, wrong, delay, late, tick, least)
+    return Timeline(
+        epochs, mode, masked, heard, names, takeover, wrong, delay, late, tick, least, skipped
+    )  # fmt: skip
 
 
 def _made(fixes: Fixes) -> NDArray[np.bool_]:
@@ -263,6 +268,14 @@ def _motion(
     motion = motion._replace(least_speed=least, counted=is_counted(drive.odometry))
     sound, wrong = less_wrong(motion, told, plane)
     return sound, wrong, delay_of(sound, told, plane) if clocks and sound is not None else 0.0
+
+
+def _without_glitches(drive: Drive) -> tuple[Drive, Mapping[str, int]]:
+    """The drive without nonsense between sound readings, and how many that were, by reason."""
+    if drive.odometry is None:
+        return drive, {}
+    odometry, skipped = without_glitches(drive.odometry)
+    return replace(drive, odometry=odometry) if skipped else drive, skipped
 
 
 def _turned_by(motion: Motion | None, time: Array) -> NDArray[np.uint8] | int:

@@ -287,7 +287,7 @@ def _summary(
     figures |= {
         "drive_id": drive.drive_id,
         "sources": list(drive.sources),
-        "skipped": dict(drive.skipped),
+        "skipped": {**drive.skipped, **timeline.skipped},
         "notes": list(drive.notes),
         "diagnosis": [asdict(finding) for finding in diagnosis],
     }
@@ -316,13 +316,13 @@ def timeline_of(
     return build_timeline(drive, roads.plane, vehicle, sensed=sensed), outside
 
 
-def skipped_of(drive: Drive, rows: int) -> dict[str, int]:
+def skipped_of(drive: Drive, rows: int, timeline: Timeline | None = None) -> dict[str, int]:
     """What was skipped of rows; without any fix also those that only a start pose could use."""
     skipped = dict(drive.skipped)
     rest = rows - sum(skipped.values())
     if drive.fixes is not None and not len(drive.fixes) and rest > 0:
         skipped[NO_POSITION] = skipped.get(NO_POSITION, 0) + rest
-    return skipped
+    return skipped if timeline is None else {**skipped, **timeline.skipped}
 
 
 def _outside(drive: Drive, roads: RoadMap) -> int:

@@ -289,7 +289,7 @@ class Job(NamedTuple):
                 timeline, outside = timeline_of(drive, self.roads, vehicle, sensed=sensed)
                 if sensed is not None:
                     drive = sensed.reported(drive)
-                skipped, notes = skipped_of(drive, high - low), drive.notes
+                skipped, notes = skipped_of(drive, high - low, timeline), drive.notes
             recorded = localize_recorded(
                 self.roads, timeline, vehicle=vehicle, settings=settings, lag=self.lag,
                 poses=self.places is not None,

@@ -32,6 +32,7 @@ from ..roadmap.extent import check_start
 from ..sensors import Sensor
 from ..sensors.beside_wheels import driven_on
 from ..sensors.dead_band import DeadBand
+from ..sensors.glitches import Glitches
 from ..sensors.gnss import fix_row
 from ..sensors.gyro_turns import GyroTurns
 from ..sensors.odometry import bridged_step, true_rate
@@ -120,6 +121,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._gyro = GyroTurns(self.vehicle.track_width)
         self._band = DeadBand(self.vehicle.least_speed)  # below which the odometry reads 0
         self._creeps = False  # it does so now
+        self._glitches = Glitches()
         self._filter.belief.state[0].vetting.slow.least = self._band.least
         self._sensing = Sensing(sensors, self.roads)
         self._interval = 0.0  # s, usually between odometry readings
@@ -248,6 +250,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         if now and is_worse(reading, now) and not self._is_lost(reading.time - now.time):
             self.skipped[SECOND] = self.skipped.get(SECOND, 0) + 1
             return False
+        reading = self._glitches.without(now, reading, self.skipped)
         arc, turn, valid, by = self._increment(reading)
         steered = self._gyro.alone or not isinstance(reading, Distance)
         self._filter.set_mode(WHEELS if steered else DISTANCE)

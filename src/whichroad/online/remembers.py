@@ -12,6 +12,7 @@ from ..observations import StartPose
 from ..roadmap import RoadMap
 from ..sensors import Sensor
 from ..sensors.dead_band import DeadBand
+from ..sensors.glitches import Glitches
 from ..sensors.gyro_turns import GyroTurns
 from ..settings import Settings, Vehicle
 from .epoch_filter import EpochFilter
@@ -41,6 +42,7 @@ class Remembers:
     _gyro: GyroTurns
     _band: DeadBand
     _creeps: bool
+    _glitches: Glitches
     _sensing: Sensing
     _start: StartPose | None
     _statistics: ConsistencyStatistics
@@ -110,6 +112,7 @@ class Remembers:
                 self._odometer, self._rate, self._interval, self._began, self._reading,
                 self._far_fix, now.mode, self._gyro.kept(), self._sensing.kept(),
                 self._clocks.kept(), [self._creeps, *self._band.kept()],
+                self._glitches.kept(),
             )  # fmt: skip
             return State(
                 now.time, now.count, now.tables(), odometry, self._made(), dict(self.skipped),
@@ -139,6 +142,7 @@ class Remembers:
             self._clocks.restore(known.clocks)
             self._creeps = known.band[0]
             self._band.restore(known.band[1:])
+            self._glitches.restore(known.glitches)
             now.belief.state[0].vetting.slow.least = self._band.least  # as this vehicle says
             self._odometer, self._rate = known.odometer, known.rate
             self._interval, self._began = known.interval, known.began

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..filter.vetting.windows import BY_GYRO, BY_WHEELS
 from ..observations import Array, Distance, Observation, SpeedYaw, YawRate, YawRates
+from .glitches import Glitches
 from .takeover import Takeover
 
 _UNUSED = "yaw rate beside another one (not used)"
@@ -45,6 +46,7 @@ class GyroTurns:
     def __init__(self, track_width: float) -> None:
         self._turned: deque[tuple[float, float, float]] = deque(maxlen=32)  # time, rate, turn
         self._until: tuple[float, float] | None = None  # the last odometry: time, turn until then
+        self._glitches = Glitches()
         self.by = BY_WHEELS  # what measures the turn
         self.takeover = Takeover(track_width)
 
@@ -72,6 +74,7 @@ class GyroTurns:
             skipped[why] = skipped.get(why, 0) + 1
             return False
         if self._turned:
+            reading = self._glitches.without(YawRate(last, rate), reading, skipped)
             turned += 0.5 * (rate + reading.yaw_rate) * (reading.time - last)
         self._turned.append((reading.time, reading.yaw_rate, turned))
         return True
@@ -108,12 +111,14 @@ class GyroTurns:
     def kept(self) -> list[Any]:
         """What it knows, as numbers."""
         until = list(self._until or ())
-        return [[float(self.by)], until, self.takeover.kept(), *map(list, self._turned)]
+        by = [float(self.by), *self._glitches.kept()]
+        return [by, until, self.takeover.kept(), *map(list, self._turned)]
 
     def restore(self, kept: list[Any]) -> None:
         """Know again what `kept` gave."""
-        (by,), until, takeover, *turned = kept
+        (by, *glitches), until, takeover, *turned = kept
         self.by = int(by)
+        self._glitches.restore(glitches)
         self.takeover.restore(takeover)
         self._until = (until[0], until[1]) if until else None
         self._turned.clear()
