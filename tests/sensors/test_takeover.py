@@ -155,3 +155,46 @@ def test_counters_tell_after_a_silence_how_far_the_gyro_has_turned_the_vehicle(h
     x, y = metres(lon, lat)
     assert np.hypot(x[0] - TRUTH.x[-1], y[0] - TRUTH.y[-1]) < 15.0
     assert p[0] > 0.8  # 0.1 at most after a pause of all sensors
+
+
+def last_of(takeover: Takeover, readings: list[Reading], fixes: bool) -> list[tuple]:
+    """What is taken of readings, with a fix every second of the way along x, or without any."""
+    taken, metres_east = [], 0.0
+    for k, reading in enumerate(readings):
+        metres_east += reading[1]
+        if fixes and k % 10 == 0:
+            takeover.fixed(0.0, metres_east / 111_195.0, 1.0)
+        taken.append(takeover.moved(*reading))
+    return taken
+
+
+def straight(begin: float, seconds: float, speed: float, bias: float) -> list[Reading]:
+    """Wheels whose tyres are 0.4 % apart beside a gyro with a bias, rad/s, straight on."""
+    arc, noise = 0.1 * speed, np.random.default_rng(1).normal(0.0, 2e-4, round(10 * seconds))
+    apart = 0.004 / CAR.track_width
+    return [
+        (begin + 0.1 * k, arc, apart * arc, 0.1 * bias + turn) for k, turn in enumerate(noise, 1)
+    ]
+
+
+@pytest.mark.parametrize("bias", [-0.003, 0.003])
+def test_worn_tyres_beside_a_usual_gyro_are_no_dispute_on_a_motorway_without_fixes(bias: float):
+    takeover = Takeover(CAR.track_width)
+    last_of(takeover, straight(0.0, 60.0, 30.0, bias), fixes=True)
+    other = Takeover(CAR.track_width)
+    other.restore(takeover.kept())
+    for one in (takeover, other):
+        taken = last_of(one, straight(60.0, 60.0, 40.0, bias), fixes=False)
+        assert {by for _, _, by in taken} == {BY_WHEELS}
+
+
+@pytest.mark.parametrize(("step", "by"), [(0.02, BY_WHEELS), (0.1, UNTURNED)])
+def test_a_bias_that_stops_have_told_is_none_of_tyres_and_a_step_of_it_is_a_dispute(step, by):
+    takeover = Takeover(CAR.track_width)
+    for k in range(4):  # in town, with stops
+        last_of(takeover, straight(20.0 * k, 12.0, 8.0, 0.03), fixes=True)
+        last_of(takeover, straight(20.0 * k + 12.0, 8.0, 0.0, 0.03), fixes=True)
+    taken = last_of(takeover, straight(80.0, 30.0, 36.0, 0.03), fixes=False)
+    assert {one[2] for one in taken} == {BY_WHEELS}
+    taken = last_of(takeover, straight(110.0, 30.0, 36.0, 0.03 + step), fixes=False)
+    assert taken[-1][2] == by

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from ..filter.vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED
 from ..geodesy.angles import radians
 from ..geodesy.units import METRES_PER_DEGREE
+from .usual_difference import UsualDifference
 
 WHEELS, GYRO = 0, 1
 _EVERY = 0.95  # s from anchor to anchor, at least;
@@ -42,6 +43,7 @@ class Anchor(NamedTuple):
     place: tuple[complex, complex]  # m, dead-reckoned by each
     fix: complex | None  # m
     sigma: float  # m, of the fix
+    way: float  # m, driven
 
 
 class Takeover:
@@ -67,6 +69,7 @@ class Takeover:
         self.silent = [0.0, 0.0]  # or silent while the other was heard
         self.sums = [0.0, 0.0, 0.0]  # of turns: wheels², wheels times gyro, gyro², rad²
         self._constant = [math.inf, 0.0]  # rate of the gyro, rad/s, and s for which it was that
+        self._usual, self._way = UsualDifference(), 0.0  # m, driven
 
     def fixed(self, lat_deg: float, lon_deg: float, sigma: float) -> None:
         """Take a fix, its sigma in m."""
@@ -122,14 +125,14 @@ class Takeover:
         places = [[p.real, p.imag] for p in self._place]
         fix = None if self._fix is None else [self._fix[0].real, self._fix[0].imag, self._fix[1]]
         anchors = [
-            [a.time, *a.turned, *(n for p in a.place for n in (p.real, p.imag)), a.sigma]
+            [a.time, *a.turned, *(n for p in a.place for n in (p.real, p.imag)), a.sigma, a.way]
             + ([] if a.fix is None else [a.fix.real, a.fix.imag])
             for a in self._anchors
         ]  # fmt: skip
         return [
             self._time, self._turned, places, self._second, list(map(list, self._part)), fix,
             self._origin, self._score, self.wrong, self.disputed, self.seconds, self.silent,
-            self.sums, self._constant, anchors,
+            self.sums, self._constant, self._usual.kept(), self._way, anchors,
         ]  # fmt: skip
 
     def restore(self, kept: list[Any]) -> None:
@@ -138,15 +141,16 @@ class Takeover:
         (
             self._time, self._turned, places, self._second, part, fix, origin, self._score,
             self.wrong, self.disputed, self.seconds, self.silent, self.sums, self._constant,
-            anchors,
+            usual, self._way, anchors,
         ) = copied  # fmt: skip
         self._part = deque(map(tuple, part), maxlen=16)
         self._origin = None if origin is None else (origin[0], origin[1], origin[2])
+        self._usual.restore(usual)
         self._anchors.clear()
-        for time, w, g, wx, wy, gx, gy, sigma, *at in anchors:
+        for time, w, g, wx, wy, gx, gy, sigma, way, *at in anchors:
             place = complex(*at) if at else None
             two = (complex(wx, wy), complex(gx, gy))
-            self._anchors.append(Anchor(time, (w, g), two, place, sigma))
+            self._anchors.append(Anchor(time, (w, g), two, place, sigma, way))
         self._place = [complex(*p) for p in places]
         self._fix = None if fix is None else (complex(fix[0], fix[1]), fix[2])
 
@@ -179,12 +183,15 @@ class Takeover:
     def _judge(self, time: float) -> None:
         """Keep an anchor, and decide who is believed."""
         since, arc, wheels, gyro = self._second
+        self._way += arc
         fix, sigma = self._fix or (None, math.inf)
         self._second, self._fix = [0.0, 0.0, 0.0, 0.0], None
         self._anchors.append(
             Anchor(time, (self._turned[0], self._turned[1]), (self._place[0], self._place[1]),
-                   fix, sigma)
+                   fix, sigma, self._way)
         )  # fmt: skip
+        if fix is not None and not any(self.wrong):
+            self._usual.take(since, arc, wheels - gyro)
         kept = 1.0 if any(self.wrong) else math.exp(-since / _FORGET)
         for k, product in enumerate((wheels * wheels, wheels * gyro, gyro * gyro)):
             self.sums[k] = kept * self.sums[k] + product
@@ -240,7 +247,8 @@ class Takeover:
         assert recent is not None
         last = self._anchors[-1]
         off = [b - a for a, b in zip(recent.turned, last.turned, strict=True)]
-        apart = abs(off[GYRO] - off[WHEELS])
+        usual = self._usual.over(last.time - recent.time, last.way - recent.way)
+        apart = abs(off[WHEELS] - off[GYRO] - usual)
         stuck = self._constant[1] > _STUCK and apart > _UNLIKE
         if stuck and self._score[WHEELS] < _REFUSED and not self.wrong[WHEELS]:
             self._count(GYRO, _REFUSED)
