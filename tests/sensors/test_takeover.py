@@ -198,3 +198,42 @@ def test_a_bias_that_stops_have_told_is_none_of_tyres_and_a_step_of_it_is_a_disp
     assert {one[2] for one in taken} == {BY_WHEELS}
     taken = last_of(takeover, straight(110.0, 30.0, 36.0, 0.03 + step), fixes=False)
     assert taken[-1][2] == by
+
+
+def stood(rates: list[tuple[float, float]], begin: float = 30.0) -> list[Reading]:
+    """Readings of wheels that stand beside a gyro: its rates, rad/s, each for some seconds."""
+    rate = np.concatenate([np.full(round(10 * seconds), one) for one, seconds in rates])
+    rate += np.random.default_rng(1).normal(0.0, 2e-3, len(rate))
+    return [(begin + 0.1 * k, 0.0, 0.0, 0.1 * one) for k, one in enumerate(rate, 1)]
+
+
+@pytest.mark.parametrize("bias", [0.0, 0.0087, -0.03])
+@pytest.mark.parametrize("turn", [-np.pi, 0.5 * np.pi])
+def test_who_is_turned_as_a_whole_while_the_wheels_stand_is_turned_by_the_gyro(bias, turn):
+    takeover = Takeover(CAR.track_width)
+    last_of(takeover, straight(0.0, 30.0, 8.0, bias), fixes=True)
+    readings = stood([(bias, 5.0), (bias + turn / 20.0, 20.0), (bias, 5.0)])
+    taken = last_of(takeover, readings[:150], fixes=False)
+    other = Takeover(CAR.track_width)
+    other.restore(takeover.kept())
+    for one in (takeover, other):
+        rest = last_of(one, readings[150:], fixes=False)
+        assert abs(sum(t for _, t, _ in taken + rest) - turn) < 0.05
+        assert max(abs(t) for _, t, _ in taken + rest) < 0.15  # as vehicles can turn
+        on = last_of(one, straight(60.0, 20.0, 8.0, bias), fixes=False)
+        assert {by for _, _, by in on} == {BY_WHEELS}
+        assert not any(one.wrong)
+
+
+@pytest.mark.parametrize("rates", [
+    [(0.1, 30.0)],  # broken before,
+    [(0.0, 5.0), (0.1, 60.0)],  # meanwhile
+    [(0.0, 5.0), (0.06, 2.0), (0.0, 5.0)],  # and little
+    [(0.02, 60.0)],
+])  # fmt: skip
+def test_a_gyro_that_breaks_turns_no_parked_car(rates: list[tuple[float, float]]):
+    takeover = Takeover(CAR.track_width)
+    last_of(takeover, straight(0.0, 30.0, 8.0, 0.0), fixes=True)
+    taken = last_of(takeover, readings := stood(rates), fixes=False)
+    taken += last_of(takeover, straight(readings[-1][0], 3.0, 8.0, rates[-1][0]), fixes=False)
+    assert sum(t for _, t, _ in taken) == pytest.approx(24.0 * 0.004 / CAR.track_width, abs=1e-6)

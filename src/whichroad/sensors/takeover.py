@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from ..filter.vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED
 from ..geodesy.angles import radians
 from ..geodesy.units import METRES_PER_DEGREE
+from .standing_turn import StandingTurn
 from .usual_difference import UsualDifference
 
 WHEELS, GYRO = 0, 1
@@ -70,6 +71,7 @@ class Takeover:
         self.sums = [0.0, 0.0, 0.0]  # of turns: wheels², wheels times gyro, gyro², rad²
         self._constant = [math.inf, 0.0]  # rate of the gyro, rad/s, and s for which it was that
         self._usual, self._way = UsualDifference(), 0.0  # m, driven
+        self._standing = StandingTurn()
 
     def fixed(self, lat_deg: float, lon_deg: float, sigma: float) -> None:
         """Take a fix, its sigma in m."""
@@ -94,12 +96,16 @@ class Takeover:
                 self.silent[GYRO] += dt
             self._begin()
             return arc, wheels, BY_WHEELS
+        stands = arc == 0.0 and wheels == 0.0 and not any(self.wrong)
+        if self._standing.take(dt, stands, gyro):
+            self._begin()  # it is no dispute
         self._sum_up(dt, arc, wheels, gyro)
         if self._second[0] >= (_EVERY if self._fix is not None else _WITHOUT):
             self._judge(time)
         taken = self._taken(dt, arc, wheels, gyro)
         self._part.append((dt, arc, wheels, gyro, taken[0], taken[1]))
-        return taken
+        whole = self._standing.given(dt)
+        return (taken[0], taken[1] + whole, BY_WHEELS) if whole else taken
 
     def _taken(self, dt: float, arc: float, wheels: float, gyro: float) -> Taken:
         """What is taken of a reading."""
@@ -132,7 +138,8 @@ class Takeover:
         return [
             self._time, self._turned, places, self._second, list(map(list, self._part)), fix,
             self._origin, self._score, self.wrong, self.disputed, self.seconds, self.silent,
-            self.sums, self._constant, self._usual.kept(), self._way, anchors,
+            self.sums, self._constant, self._usual.kept(), self._way,
+            self._standing.kept(), anchors,
         ]  # fmt: skip
 
     def restore(self, kept: list[Any]) -> None:
@@ -141,11 +148,12 @@ class Takeover:
         (
             self._time, self._turned, places, self._second, part, fix, origin, self._score,
             self.wrong, self.disputed, self.seconds, self.silent, self.sums, self._constant,
-            usual, self._way, anchors,
+            usual, self._way, standing, anchors,
         ) = copied  # fmt: skip
         self._part = deque(map(tuple, part), maxlen=16)
         self._origin = None if origin is None else (origin[0], origin[1], origin[2])
         self._usual.restore(usual)
+        self._standing.restore(standing)
         self._anchors.clear()
         for time, w, g, wx, wy, gx, gy, sigma, way, *at in anchors:
             place = complex(*at) if at else None
