@@ -97,6 +97,13 @@ def test_rough_rates_are_left_as_they_are(kind: str):
     assert sum(skipped.values()) <= (60 if kind == "jumpy" else 3)
 
 
+def test_of_a_sensor_that_says_anything_readings_are_believed_so_that_it_is_found_out():
+    rng = np.random.default_rng(1)
+    given, skipped = on_line([WheelSpeed(t, *rng.uniform(0.0, 40.0, 2)) for t in TIME])
+    assert sum(skipped.values()) < 20
+    assert len({one.left for one in given}) > 1000
+
+
 def test_an_outage_with_nonsense_readings_is_as_one_without_and_they_are_counted():
     n, rows = len(TRUTH.time), np.arange(len(TRUTH.time))
     fix = np.column_stack([TRUTH.x, TRUTH.y, np.full((n, 2), 2.0), np.zeros(n)])

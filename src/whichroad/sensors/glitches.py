@@ -3,6 +3,7 @@
 A bus says 0, or all ones, for a reading now and then.  One that is off from the last sound one as
 no car's is counts as nonsense, and the sound one holds instead, for three readings and 0.2 s at
 most.  What stays longer is believed, and held against what cars do (`filter.vetting.plausibility`).
+So is all of a sensor of which many readings are off.
 In a recording what comes after is known: a change that stays is none from its first reading on.
 """
 
@@ -31,6 +32,7 @@ GLITCH = "rate off from those around it (bridged)"
 _MOST, _LONGEST = 3, 0.21  # readings, and s since the last sound one, that it holds
 _UNUSUAL, _NEW = 4.0, 0.02  # times the usual change; share of a change in what is usual,
 _ROUGH = 2.0  # and of which it is at most so many times the slack
+_LATELY, _OFTEN = 0.05, 0.3  # share of a reading in the last ones; of them, that is no exception
 
 
 Reading = TypeVar("Reading", bound=WheelTicks | WheelSpeed | Distance | SpeedYaw | YawRate)
@@ -62,6 +64,7 @@ class Glitches:
 
     def __init__(self) -> None:
         self._sound, self._count = 0.0, 0  # s, time of the last sound one; how many were not since
+        self._share = 0.0  # of the last readings that are off
         self._usual = (0.0, 0.0)  # change of each from reading to reading, m/s or rad/s
 
     def without(self, before: Any, reading: Reading, skipped: Skipped) -> Reading:
@@ -86,7 +89,9 @@ class Glitches:
                 u + _NEW * (min(a, _ROUGH * one.slack) - u),
                 v + _NEW * (min(b, _ROUGH * two.slack) - v),
             )
-        if off and self._count < _MOST and 0.0 <= since <= _LONGEST:
+        self._share += _LATELY * (off - self._share)
+        seldom = self._count < _MOST and self._share < _OFTEN
+        if off and seldom and 0.0 <= since <= _LONGEST:
             self._count += 1
             skipped[GLITCH] = skipped.get(GLITCH, 0) + 1
             return cast(Reading, replace(before, time=reading.time))
@@ -95,11 +100,12 @@ class Glitches:
 
     def kept(self) -> list[float]:
         """What it knows, as numbers."""
-        return [self._sound, self._count, *self._usual]
+        return [self._sound, self._count, self._share, *self._usual]
 
     def restore(self, kept: list[float]) -> None:
         """Know again what `kept` gave."""
-        self._sound, self._count, self._usual = kept[0], int(kept[1]), (kept[2], kept[3])
+        self._sound, count, self._share, *usual = kept
+        self._count, self._usual = int(count), (usual[0], usual[1])
 
 
 def without_glitches(log: OdometryLog) -> tuple[OdometryLog, Skipped]:
