@@ -20,7 +20,16 @@ from .filter.vetting.latency import LONGEST
 from .filter.vetting.motion_sources import BELOW
 from .filter.vetting.windows import BY_GYRO, BY_WHEELS, GYRO_ALONE, HEARD_AGAIN
 from .geodesy.plane import Plane
-from .observations import INTERPOLATED, STRAY, Array, Drive, Fixes, SensorReading, WithGyro
+from .observations import (
+    INTERPOLATED,
+    LATE_PLACE,
+    STRAY,
+    Array,
+    Drive,
+    Fixes,
+    SensorReading,
+    WithGyro,
+)
 from .sensors.clock_delay import delay_of
 from .sensors.dead_band import below, is_counted, whole_dead_band
 from .sensors.filled_gaps import HELD, filled_gaps
@@ -200,9 +209,9 @@ def build_timeline(
 
 
 def _made(fixes: Fixes) -> NDArray[np.bool_]:
-    """Which fixes are none, as their places were interpolated or cannot be, (n,)."""
+    """Which fixes are none, as their places were interpolated, cannot be or are unknown, (n,)."""
     flags = fixes.flags.astype(np.uint16, copy=False)
-    return np.asarray((flags & (INTERPOLATED | STRAY)) > 0)
+    return np.asarray((flags & (INTERPOLATED | STRAY | LATE_PLACE)) > 0)
 
 
 def _hold(

@@ -1,8 +1,9 @@
-"""Speeds and courses of a recording that lag behind its places by seconds.
+"""Speeds and courses of a recording that lag behind its places by seconds, or these behind them.
 
 Receivers smooth them, and tables are joined by times that differ.  A speed that is some seconds old
 puts the vehicle on the wrong side of a junction.  Both are compared with the chord between the
-places a second before and behind; each has its own delay.
+places a second before and behind; each has its own delay.  No speed is early: where it seems so,
+the places are late, as by a low pass, and `late_places` moves them.
 """
 
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from ..geodesy.units import METRES_PER_DEGREE
 from ..observations import Array
 from .checks import Ints, Skipped
 from .interpolated_places import metres
+from .late_places import Places, moved_to
 
 _FEWEST = 60  # rows of a drive that is judged
 _CLOSE = 2.5  # s between rows, up to which speeds of places show a delay
@@ -38,10 +40,13 @@ class Columns(NamedTuple):
 
 
 class Late(NamedTuple):
-    """By how much speeds and courses of a drive lag, s; 0: they do not."""
+    """By how much speeds and courses of a drive lag behind its places, s; 0: they do not."""
 
-    speed: int
-    course: int
+    speed: int  # below 0: the places lag behind the speeds
+    course: int  # in that case: behind the places once these are moved
+
+
+_NO_DELAY = Late(0, 0)
 
 
 def delays(time: Array, lat: Array, lon: Array, speed: Array, course: Array | None) -> Late:
@@ -55,14 +60,35 @@ def delays(time: Array, lat: Array, lon: Array, speed: Array, course: Array | No
         course: (n,) degrees, likewise; None: there is none.
     """
     if len(time) < _FEWEST or np.isnan(speed).any():
-        return Late(0, 0)
+        return _NO_DELAY
+    if float(np.median(np.diff(time))) > _CLOSE or np.std(speed) < _VARIES:
+        return _NO_DELAY
+    told = _delays(time, lat, lon, speed, course)
+    back = None if course is None else course[::-1] + 180.0
+    # driven backwards, the places lead where they lag
+    other = _delays(-time[::-1], lat[::-1], lon[::-1], speed[::-1], back)
+    if other.left >= told.left:
+        return Late(told.speed, told.course)
+    return Late(-other.speed, 0 if other.alike else other.speed)
+
+
+class _Delays(NamedTuple):
+    """Delays of speeds and courses behind places, s; 0: none."""
+
+    speed: int
+    course: int
+    alike: bool  # courses fit with the delay of the speeds better than without
+    left: float  # share of the squared difference of speeds without a delay that is left
+
+
+def _delays(time: Array, lat: Array, lon: Array, speed: Array, course: Array | None) -> _Delays:
+    """The delays of one drive whose speeds vary."""
+    none = _Delays(0, 0, True, 1.0)
     step = float(np.median(np.diff(time)))
-    if step > _CLOSE or np.std(speed) < _VARIES:
-        return Late(0, 0)
     side = max(round(1.0 / step), 1)
     at = np.arange(side, len(time) - side - round(_LONGEST / step))
     if len(at) < _FEWEST // 2:
-        return Late(0, 0)
+        return none
     before, behind = at - side, at + side
     east, north = metres(lat, lon, before, behind)
     chord = np.hypot(east, north)
@@ -73,17 +99,20 @@ def delays(time: Array, lat: Array, lon: Array, speed: Array, course: Array | No
         return float(np.minimum(off * off, _GROSS**2).mean())
 
     found = _delay(of_speed)
-    if course is None or not found:
-        return Late(found, 0)
+    if not found:
+        return none
+    left = of_speed(found) / of_speed(0)
+    if course is None:
+        return _Delays(found, 0, True, left)
     shown = (chord > _CHORD) & np.isfinite(course[at])
     if np.count_nonzero(shown) < _SHOWN:
-        return Late(found, 0)
+        return _Delays(found, 0, True, left)
     rows, way = at[shown], np.arctan2(east[shown], north[shown])
 
     def of_course(late: int) -> float:
         return float(np.nanmean(1.0 - np.cos(radians(course[rows + round(late / step)]) - way)))
 
-    return Late(found, _delay(of_course))
+    return _Delays(found, _delay(of_course), of_course(found) <= of_course(0), left)
 
 
 def _may_lag(time: Array, place: tuple[Array, Array], speed: Array, bounds: Ints) -> Ints:
@@ -125,25 +154,29 @@ def _delay(difference: Callable[[int], float]) -> int:
 
 
 def in_time(
-    time: Array, place: tuple[Array, Array], columns: Columns, first: Ints, skipped: Skipped
-) -> Columns:
-    """Speeds and courses, each at the place it belongs to.
+    time: Array, places: Places, columns: Columns, first: Ints, skipped: Skipped
+) -> tuple[Places, Columns]:
+    """Speeds and courses, each at the place it belongs to, and places at the times of speeds.
 
     Args:
         time: (n,) s, drive after drive.
-        place: Latitudes and longitudes, (n,) degrees.
+        places: (n,) each.
         columns: `speed` (m/s), `sigma_speed` and `course` (degrees), (n,) each or None.
         first: (d,) where each drive begins.
-        skipped: Rows whose speed was moved are counted.
+        skipped: Rows whose speed or place was moved are counted.
 
     Returns:
         The same where nothing is late.
     """
     if columns.speed is None:
-        return columns
-    moved = columns
+        return places, columns
+    place, moved = places[:2], columns
     bounds = np.append(first, len(time))
-    for drive in _may_lag(time, place, columns.speed, bounds).tolist():
+    suspects = set(_may_lag(time, place, columns.speed, bounds).tolist())
+    back = (place[0][::-1], place[1][::-1])
+    early = _may_lag(-time[::-1], back, columns.speed[::-1], len(time) - bounds[::-1])
+    suspects |= set((len(first) - 1 - early).tolist())
+    for drive in sorted(suspects):
         low, high = int(bounds[drive]), int(bounds[drive + 1])
         own = slice(low, high)
         course = None if columns.course is None else columns.course[own]
@@ -153,10 +186,16 @@ def in_time(
         if moved is columns:
             moved = Columns(*(None if c is None else c.copy() for c in columns))
         step = float(np.median(np.diff(time[own])))
-        for values, seconds in zip(moved, (late.speed, late.speed, late.course), strict=True):
-            if values is not None and seconds:
-                k = round(seconds / step)
+        rows = round(abs(late.speed) / step)
+        of_speed, of_course = rows if late.speed > 0 else 0, round(late.course / step)
+        for values, k in zip(moved, (of_speed, of_speed, of_course), strict=True):
+            if values is not None and k:
                 values[low : high - k] = values[low + k : high].copy()
                 values[high - k : high] = np.nan
-        skipped[f"speed {late.speed} s behind its place (moved there)"] += high - low
-    return moved
+        seconds = f"{rows * step:.0f} s behind its"
+        if late.speed > 0:
+            skipped[f"speed {seconds} place (moved there)"] += high - low
+        else:
+            places = moved_to(time[own] + rows * step, places, own, time[own])
+            skipped[f"place {seconds} speed (moved there)"] += high - low
+    return places, moved

@@ -17,6 +17,7 @@ from ..observations import (
     FROM_HDOP,
     FROM_QUALITY,
     INTERPOLATED,
+    LATE_PLACE,
     MOVING,
     NO_CORRELATION,
     OTHER_UNIT,
@@ -34,6 +35,7 @@ from .checks import Bools, Ints, Skipped, in_order, is_place, keep
 from .coarse_steps import coarse_steps
 from .fix_quality import LEAST_SIGMA, NO_FIX, RECKONED, error_ratios
 from .interpolated_places import interpolated
+from .late_places import Places
 from .late_speeds import Columns, in_time
 from .other_units import other_units
 from .rounded_places import rounding
@@ -143,7 +145,7 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
     r = r.rows(np.flatnonzero(keep(~is_vague(r), TOO_VAGUE, skipped)))
     r = r.rows(in_order(r.time, skipped))
     fixes = completed(r, np.zeros(min(len(r.time), 1), np.int64), settings, skipped)
-    fixes.flags[strays(r.time, r.lat_deg, r.lon_deg)] |= STRAY
+    fixes.flags[strays(fixes.time, fixes.lat_deg, fixes.lon_deg)] |= STRAY
     return fixes
 
 
@@ -174,14 +176,17 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
         speed = wrong.pace
         course = None if course is None else np.where(wrong.no_course, np.nan, course)
     told = Columns(speed, r.sigma_speed, course)
+    nowhere = np.zeros(len(r.time), np.bool_)
+    places = Places(lat, r.lon_deg, cov_ee, cov_en, cov_nn, nowhere)
     if made is None and wrong is None:
-        told = in_time(r.time, (r.lat_deg, r.lon_deg), told, first, skipped)
+        places, told = in_time(r.time, places, told, first, skipped)
+        flags |= np.where(places.unknown, LATE_PLACE, 0).astype(np.uint16)
     measured = told.speed
     if wrong is not None and measured is not None:
         measured = np.where(wrong.no_speed, np.nan, measured)
     sigma = np.sqrt(np.maximum(cov_ee, cov_nn))
-    other = other_units(r.time, (r.lat_deg, r.lon_deg), sigma, measured, first)
-    coarse = coarse_steps(r.time, r.lat_deg, r.lon_deg, told.speed, told.course, first)
+    other = other_units(r.time, (places.lat, places.lon), sigma, measured, first)
+    coarse = coarse_steps(r.time, places.lat, places.lon, told.speed, told.course, first)
     speed, sigma_speed = _or_unknown(told.speed, told.sigma_speed, len(r.time))
     if coarse is not None:
         speed = speed + coarse.more
@@ -200,11 +205,11 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
         sigma_bearing = np.where(other, sigma_bearing / KMH, sigma_bearing)
     return Fixes(
         time=r.time,
-        lat_deg=lat,
-        lon_deg=r.lon_deg,
-        cov_ee=cov_ee,
-        cov_en=cov_en,
-        cov_nn=cov_nn,
+        lat_deg=places.lat,
+        lon_deg=places.lon,
+        cov_ee=places.cov_ee,
+        cov_en=places.cov_en,
+        cov_nn=places.cov_nn,
         speed=speed,
         sigma_speed=sigma_speed,
         bearing_deg=bearing,

@@ -6,6 +6,7 @@ from ..observations import (
     HELD_COURSE,
     HELD_SPEED,
     INTERPOLATED,
+    LATE_PLACE,
     OTHER_UNIT,
     STRAY,
     ZERO_SPEED,
@@ -14,12 +15,14 @@ from ..observations import (
 from ..wording import counted
 from .other_units import unit_notes
 
-RESAMPLED = INTERPOLATED | HELD_SPEED | HELD_COURSE | ZERO_SPEED | OTHER_UNIT
+RESAMPLED = INTERPOLATED | HELD_SPEED | HELD_COURSE | ZERO_SPEED | OTHER_UNIT | LATE_PLACE
 _NOTES = {
     STRAY: "places of {} of {} cannot be reached from those around them, and are not used; "
     "look for a stale place at the start, latitude and longitude swapped, or a lost sign",
     INTERPOLATED: "places of {} of {} lie on the lines between others, so they were interpolated; "
     "they are not used: give the fixes as they were measured",
+    LATE_PLACE: "places of {} of {} are not known: places lag behind the speeds of their rows by "
+    "seconds and were moved to them; give each place at the time at which it was measured",
     HELD_SPEED: "speeds of {} of {} repeat the row before while the vehicle drives, and are not "
     "used; give each speed where it was measured, and leave the rows between empty",
     HELD_COURSE: "courses of {} of {} repeat the row before while the vehicle drives, and are not "
