@@ -75,6 +75,21 @@ def test_places_on_lines_between_fixes_are_no_fixes_and_counted(put, every, deci
     assert note in drive.notes
 
 
+@pytest.mark.parametrize("every", [10, 30, 60])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_lines_are_found_in_places_of_five_decimals(put, every, seed):
+    frame = interpolated(driven(1200, seed=seed), every, 5)
+    fixes, (note,) = read(frame)
+    made = (fixes.flags & INTERPOLATED) > 0
+    between = np.arange(len(frame)) % every > 0
+    moves = np.abs(np.diff(fixes.lat_deg, prepend=0.0)) > 1.5e-5
+    assert made[between & moves].mean() > 0.8
+    assert (~made).sum() >= len(frame) / every  # each bend has its fix, or one beside it
+    assert note.startswith(f"places of {made.sum():,} of 1,200 rows lie on the lines")
+    (drive,) = read_drive(put("a.csv", frame.to_csv(index=False)))
+    assert drive.fixes.flags.tolist() == fixes.flags.tolist()
+
+
 def test_fixes_between_the_rows_leave_two_rows_at_each_bend():
     fixes, _ = read(interpolated(driven(1200), 10, shift=0.4))
     made = (fixes.flags & INTERPOLATED) > 0
@@ -106,7 +121,8 @@ def straight(n: int) -> pd.DataFrame:
 
 @pytest.mark.parametrize(
     "frame",
-    [driven(), driven().round(6), driven().round(5), smooth(15), smooth(7), smooth(6),
+    [driven(), driven().round(6), driven().round(5), smooth(15), smooth(7), smooth(6), smooth(5),
+     driven(1200, 1.0, 0.0).round(5), driven(1200, 1.0, 0.1).round(5), straight(800).round(5),
      straight(800), straight(800).round(7), interpolated(driven(19), 5),
      driven().assign(lat=49.4), interpolated(driven(200), 90)],
 )  # fmt: skip

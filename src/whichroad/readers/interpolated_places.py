@@ -9,12 +9,14 @@ from ..geodesy.angles import radians, wrap_degrees
 from ..geodesy.units import METRES_PER_DEGREE
 from ..observations import Array
 from .checks import Bools, Ints
+from .coarse_lines import STEP, TOLERANCE, lined_up
 
 FEWEST = 20  # rows of a drive that is judged
 _STEPS = (1e-8, 1e-7, 1e-6)  # degrees, of coordinates that were written with 8 to 6 decimals
 _EXACT = 1e-9  # degrees, up to which a place lies on a line where all decimals are given
 _DIGITS, _ROUNDING = 1e-3, 1.05  # steps: up to which a place is at one; that rounding moves it
 MOST = 0.5  # of the moving rows, from which on they are made up
+_COARSE = 0.8  # of all rows, the same where places have five decimals
 _KINKS = 5  # rows off the lines, and tolerances by which they are,
 _OFF = 5.0  # so that a smooth drive is none
 _BENDS = 0.03  # m/s², below which no drive follows a chord by itself
@@ -43,12 +45,24 @@ def interpolated(time: Array, lat: Array, lon: Array, first: Ints) -> Bools | No
     size = np.diff(first, append=len(lat))
     two = np.column_stack([lat[first], lat[np.minimum(first + 1, len(lat) - 1)]])
     near = np.zeros(len(lat), np.bool_)
-    near[1:-1] = _off_line(lat, _shares(time)) <= np.repeat(_tolerances(two), size)[1:-1]
+    off = _off_line(lat, _shares(time))
+    near[1:-1] = off <= np.repeat(_tolerances(two), size)[1:-1]
     lined = np.add.reduceat(near, first, dtype=np.int64)
     found: Bools | None = None
-    for drive in np.flatnonzero((size >= FEWEST) & (lined > MOST * size)).tolist():
+    exact = (size >= FEWEST) & (lined > MOST * size)
+    coarse = (size >= FEWEST) & _are_steps(two, STEP)
+    if coarse.any():
+        near[1:-1] = (off <= TOLERANCE) & (_off_line(lon, _shares(time)) <= TOLERANCE)
+        coarse &= np.add.reduceat(near, first, dtype=np.int64) > _COARSE * size
+    for drive in np.flatnonzero(exact | coarse).tolist():
         own = slice(first[drive], first[drive] + size[drive])
-        between = _between(time[own], lat[own], lon[own])
+        between = _between(time[own], lat[own], lon[own]) if exact[drive] else None
+        if (
+            between is None
+            and coarse[drive]
+            and _are_steps(np.concatenate([lat[own], lon[own]])[None], STEP).all()
+        ):
+            between = lined_up(time[own], lat[own], lon[own])
         if between is not None:
             found = np.zeros(len(lat), np.bool_) if found is None else found
             found[own] = between
@@ -97,9 +111,14 @@ def _tolerances(degrees: Array) -> Array:
     """Degrees by which rounding moves a place off its line, by the decimals of each row, (n,)."""
     found = np.full(len(degrees), _EXACT)
     for step in _STEPS:
-        at = np.abs(degrees / step - np.round(degrees / step)) < _DIGITS
-        found[at.all(axis=1)] = _ROUNDING * step
+        found[_are_steps(degrees, step)] = _ROUNDING * step
     return found
+
+
+def _are_steps(degrees: Array, step: float) -> Bools:
+    """Whether all numbers of a row are multiples of a step, (n,)."""
+    off = np.abs(degrees / step - np.round(degrees / step))
+    return np.asarray((off < _DIGITS).all(axis=1))
 
 
 def _on_chords(time: Array, lat: Array, lon: Array, kinks: Ints, tolerance: float) -> Bools:
