@@ -20,8 +20,8 @@ from .named_fields import Record, by_name
 FROM_HDOP, ASSUMED = 1, 2  # Fixes.flags: covariance from HDOP times an error; the default
 NO_CORRELATION = 4  # the ellipse was not credible, only sigma_lat and sigma_lon were used
 FROM_QUALITY, RECKONED_PLACE = 8, 32768  # sigma by the kind of fix; dead-reckoned by the receiver
-# few decimals, in the covariance; none: on a line between fixes; where no vehicle can be; unknown
-ROUNDED, INTERPOLATED, STRAY, LATE_PLACE = 16, 32, 2048, 8192
+# few decimals, in the covariance; none: on a line between fixes, out of reach, unknown; with noise
+ROUNDED, INTERPOLATED, STRAY, LATE_PLACE, SCATTERED = 16, 32, 2048, 8192, 16384
 HELD_SPEED, HELD_COURSE, ZERO_SPEED = 64, 128, 256  # not used: it repeats the row before; is 0
 CUT_SPEED, COARSE_COURSE, OTHER_UNIT = 512, 1024, 4096  # half a step added; not used; not used
 

@@ -23,6 +23,7 @@ from ..observations import (
     OTHER_UNIT,
     RECKONED_PLACE,
     ROUNDED,
+    SCATTERED,
     SIGMA_SPEED,
     STRAY,
     Array,
@@ -39,6 +40,7 @@ from .late_places import Places
 from .late_speeds import Columns, in_time
 from .other_units import other_units
 from .rounded_places import rounding
+from .scattered_places import scatter
 from .stray_places import strays
 from .unmeasured import unmeasured
 
@@ -48,6 +50,7 @@ CREDIBLE = ((0.75, 1.33), (4.5, 8.0))
 RADIUS_68 = 1.515  # 68 % radius over the sigma per axis, for a round error
 _UNKNOWN_HDOP = (99.0, 99.9, 99.99)  # u-blox writes 99.99, others less digits
 _ROUNDED = 1e-4  # of numbers in single precision
+_UNLIKE = 4.0  # times the variance that is told, above which places scatter more than they may
 IMPOSSIBLE = "impossible position"
 WITHOUT_FIX = "no fix by its quality, 0"
 NO_HDOP = "HDOP of 99, 99.9 or 99.99 (taken as unknown)"
@@ -163,6 +166,12 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
     if rounded is not None:
         lat, cov_ee, cov_nn = lat + rounded.lat_deg, cov_ee + rounded.ee, cov_nn + rounded.nn
         flags |= np.where(rounded.nn > 0.0, ROUNDED, 0).astype(np.uint16)
+    noise = scatter(r.time, r.lat_deg, r.lon_deg, first)
+    if noise is not None:
+        unlike = noise.sigma**2 > _UNLIKE * np.maximum(cov_ee, cov_nn)
+        flags |= np.where(unlike, SCATTERED, 0).astype(np.uint16)
+        taken = np.where(unlike & noise.sparse & ((flags & ASSUMED) > 0), noise.sigma**2, 0.0)
+        cov_ee, cov_nn = np.maximum(cov_ee, taken), np.maximum(cov_nn, taken)
     # phones write -1 for unknown values
     speed = _without(r.speed, None if r.speed is None else r.speed < 0, NO_SPEED, skipped)
     course = r.bearing_deg

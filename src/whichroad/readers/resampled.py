@@ -8,14 +8,18 @@ from ..observations import (
     INTERPOLATED,
     LATE_PLACE,
     OTHER_UNIT,
+    SCATTERED,
     STRAY,
     ZERO_SPEED,
     Fixes,
 )
 from ..wording import counted
 from .other_units import unit_notes
+from .scattered_places import scatter_notes
 
-RESAMPLED = INTERPOLATED | HELD_SPEED | HELD_COURSE | ZERO_SPEED | OTHER_UNIT | LATE_PLACE
+RESAMPLED = (
+    INTERPOLATED | HELD_SPEED | HELD_COURSE | ZERO_SPEED | OTHER_UNIT | LATE_PLACE | SCATTERED
+)
 _NOTES = {
     STRAY: "places of {} of {} cannot be reached from those around them, and are not used; "
     "look for a stale place at the start, latitude and longitude swapped, or a lost sign",
@@ -42,4 +46,4 @@ def resampling_notes(fixes: Fixes | None, first: int = 0, end: int | None = None
         for flag, text in _NOTES.items()
         if (count := np.count_nonzero(flags & flag))
     ]
-    return said + unit_notes(fixes, first, end)
+    return said + unit_notes(fixes, first, end) + scatter_notes(fixes, first, end)
