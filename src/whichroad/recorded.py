@@ -20,6 +20,7 @@ from .diagnosis.sensors import (
     takeover_findings,
     tick_findings,
 )
+from .diagnosis.snapped_places import snapped_findings
 from .epochs import SPARSE, Timeline, is_interpolated
 from .errors import DriveError
 from .filter.lookback.history import is_full, new_history
@@ -165,7 +166,8 @@ def localize_recorded(
         return (*further, *notes, *(fit() if judged else withheld))
 
     def off_roads(answered: Output) -> tuple[Finding, ...]:
-        return tuple(off_road_findings(epochs, answered.rows, [0, n], roads.arrays).values())
+        drive = epochs, answered.rows, [0, n], roads.arrays
+        return (*off_road_findings(*drive).values(), *snapped_findings(*drive).values())
 
     heaviest, evidence = heaviest_chain(path, belief), float(state["log_evidence"][0])
     if lag is None or not history.count["steps"][0]:

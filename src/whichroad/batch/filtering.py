@@ -9,6 +9,7 @@ import numpy as np
 from .._compile import Record, Records
 from ..diagnosis.off_roads import off_road_findings
 from ..diagnosis.sensors import sensor_findings
+from ..diagnosis.snapped_places import snapped_findings
 from ..epochs import Timeline, is_interpolated
 from ..filter.lookback.history import new_history
 from ..filter.lookback.passage import TRAVERSAL
@@ -120,9 +121,11 @@ def filter_batch(
     if not done:
         return None
     n = first[done]
-    beside = off_road_findings(epochs, output.rows, first[: done + 1], roads.arrays)
-    for drive, finding in beside.items():
-        notes[drive] = (*notes[drive], finding.note)
+    for findings in (off_road_findings, snapped_findings):
+        for drive, finding in findings(
+            epochs, output.rows, first[: done + 1], roads.arrays
+        ).items():
+            notes[drive] = (*notes[drive], finding.note)
     if n < len(epochs):
         epochs, output = epochs[:n], Output(output.rows[:n], output.alt_pose[:n])
     driven, first_edge = without_glances(drives.driven, drives.first_edge, roads.arrays)
