@@ -98,3 +98,24 @@ def test_who_walks_or_cycles_off_the_roads_is_named(town, pace: float, who: str)
 @pytest.mark.parametrize("pace", [1.4, 4.5])
 def test_a_slow_vehicle_on_the_roads_is_not(town, pace: float):
     assert said(at_pace(driven(town, 3, 3000.0), pace), town) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_strips_of_a_field_tell_of_no_shift(town, seed):
+    turn = np.radians(90.0 * seed)
+    strip = np.arange(24)
+    east = np.ravel(
+        np.column_stack([np.where(strip % 2, 180.0, 0.0), np.where(strip % 2, 0.0, 180.0)])
+    )
+    north = np.repeat(4.0 * strip, 2)
+    way = np.append(0.0, np.cumsum(np.hypot(np.diff(east), np.diff(north))))
+    at = np.arange(0.0, way[-1], 2.5)
+    x, y = np.interp(at, way, east), np.interp(at, way, north)
+    middle = driven(town, 3)[["lat", "lon"]].median()
+    c, s = np.cos(turn), np.sin(turn)
+    frame = pd.DataFrame({
+        "time": 1.7e9 + np.arange(len(at)),
+        "lat": middle.lat + (180.0 + s * x + c * y) * METRE,
+        "lon": middle.lon + (60.0 + c * x - s * y) * EAST,
+    })  # fmt: skip
+    assert not [note for note in said(frame, town) if "are moved by" in note]

@@ -10,6 +10,7 @@ from ..observations import Array
 
 _APART = 100.0  # m between the places that are looked at
 _FEWEST, _MOST = 15, 60  # of these
+_CELLS, _SPREAD = 50.0, 0.4  # m, of cells, and of places: who works a field meets fewer of these
 _BOX = 2500.0  # m from the middle of these, within which roads are drawn
 _FARTHEST = 700.0  # m, the largest shift
 _CELL = 10.0  # m, of the drawing
@@ -59,7 +60,13 @@ def fit_to_roads(x: Array, y: Array, roads: Roads) -> Fit | None:
     far = np.hypot(steps[:, None] - steps[i], steps - steps[j]) * _CELL > _ELSEWHERE
     none = len(steps) // 2
     best, now = float(off[i, j]), float(off[none, none])
-    fits = best < _FITS and now > _BETTER * best and off[far].min() > _UNIQUE * best
+    met = len(np.unique(np.column_stack([x // _CELLS, y // _CELLS]), axis=0))
+    fits = (
+        met >= max(_FEWEST, _SPREAD * len(x))
+        and best < _FITS
+        and now > _BETTER * best
+        and off[far].min() > _UNIQUE * best
+    )
     shift = _CELL * float(steps[j]), _CELL * float(steps[i])
     return Fit(now, shift if fits else None)
 
