@@ -1,7 +1,6 @@
 """Recorded drives whose places somebody has put on the roads before: their errors do not show."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from ..graph.network import Roads
 from ..observations import Array
 from .finding import Finding
 
-_LOOKED_AT, _FEWEST = 40, 15  # fixes of a drive, evenly over it; that are left, 10 m apart
+_LOOKED_AT, _FEWEST = 24, 15  # fixes of a drive, evenly over it; that are left, 10 m apart
 _APART = 10.0  # m
 _FINE = 1.0  # m, of a sigma that is told: a finer receiver may have driven there
 _ON, _SHARE = 0.12, 0.4  # m from the line of the answered road, and share of the fixes there:
@@ -33,37 +32,41 @@ def snapped_findings(
     Returns:
         By the number of the drive.
     """
-    told = {}
-    looked_at = [_looked_at(epochs, low, high) for low, high in pairwise(first)]
-    at = np.concatenate([np.zeros(0, np.int64), *looked_at])
-    at = at[rows.view(np.ndarray)["edge"][at] >= 0]
+    at, drive = _looked_at(epochs, np.asarray(first))
+    looked_at = np.bincount(drive, minlength=len(first))
+    edge = rows.view(np.ndarray)["edge"][at]
+    at, drive, edge = at[edge >= 0], drive[edge >= 0], edge[edge >= 0]
     if len(at) < _FEWEST:
         return {}
     fix = epochs.view(np.ndarray)["fix"][at]
-    away = _away(fix[:, 0], fix[:, 1], rows.view(np.ndarray)["edge"][at], roads)
+    away = _away(fix[:, 0], fix[:, 1], edge, roads)
     coarse = fix[:, 2] > _FINE
-    on, near = coarse & (away < _ON), coarse & (away < _NEAR)
-    bounds = np.searchsorted(at, first)
-    for drive, (low, high) in enumerate(pairwise(bounds.tolist())):
-        if high - low < max(_FEWEST, len(looked_at[drive]) // 2):
-            continue
-        exact, rounded = float(on[low:high].mean()), float(near[low:high].mean())
-        if exact > _SHARE or rounded > _MOST:
-            told[drive] = _snapped(max(exact, rounded))
-    return told
+    left = np.bincount(drive, minlength=len(first))
+    judged = (left >= _FEWEST) & (2 * left >= looked_at)
+    on, near = (
+        np.bincount(drive[coarse & (away < limit)], minlength=len(first)) / np.maximum(left, 1)
+        for limit in (_ON, _NEAR)
+    )
+    found = np.flatnonzero(judged & ((on > _SHARE) | (near > _MOST)))
+    return {one: _snapped(float(max(on[one], near[one]))) for one in found.tolist()}
 
 
-def _looked_at(epochs: Records, low: int, high: int) -> NDArray[np.int64]:
-    """Some epochs with a fix of one drive, evenly over it, at places apart."""
-    if high - low < _FEWEST:
-        return np.zeros(0, np.int64)
-    own = epochs[low:high].view(np.ndarray)
-    at = np.flatnonzero((own["has_fix"] > 0) & (own["filled"] == 0))
-    if len(at) > _LOOKED_AT:
-        at = at[np.linspace(0, len(at) - 1, _LOOKED_AT).astype(np.int64)]
-    x, y = own["fix"][at, 0], own["fix"][at, 1]
+def _looked_at(
+    epochs: Records, first: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Some epochs with a fix, evenly over each drive and at places apart, and their drives."""
+    table = epochs.view(np.ndarray)
+    at = np.flatnonzero((table["has_fix"] > 0) & (table["filled"] == 0))
+    at = at[at < first[-1]]
+    drive = np.searchsorted(first, at, side="right") - 1
+    count = np.bincount(drive, minlength=len(first))
+    row = np.arange(len(at)) - (np.cumsum(count) - count)[drive]
+    part = row * np.minimum(count, _LOOKED_AT)[drive] // count[drive]
+    some = np.flatnonzero((np.diff(part, prepend=-1) != 0) | (row == 0))
+    at, drive = at[some], drive[some]
+    x, y = table["fix"][at, 0], table["fix"][at, 1]
     apart = np.hypot(np.diff(x, prepend=np.inf), np.diff(y, prepend=np.inf)) > _APART
-    return np.asarray(at[apart] + low)
+    return at[apart], drive[apart]
 
 
 def _away(x: Array, y: Array, edge: NDArray[np.int32], roads: Roads) -> Array:

@@ -20,6 +20,7 @@ _TURNS = (-0.8, -0.3)  # mean cosine from one second difference to the next: of 
 _FOURTH = 1.1774 * 70.0**0.5  # median of fourth differences over sigma, in two dimensions
 _MAY, _SHARE = 50.0, 0.3  # m, of second differences, and share of the rows that has them
 _SPARSE = 3.0  # s between rows, from which on a sigma of that size makes answers better
+_DENSE = 40.0  # m: scatter of denser rows, which average out
 
 
 class Scatter(NamedTuple):
@@ -71,7 +72,8 @@ def _sigma(lasted: Array, east: Array, north: Array) -> float:
         return 0.0
     fourth = np.hypot(np.diff(east, 3), np.diff(north, 3))[even]
     sigma = float(np.median(fourth)) / _FOURTH
-    if not max(_LEAST, _DRIVEN * interval**2) < sigma < _MOST:
+    least = _DENSE if interval < _SPARSE else _LEAST
+    if not max(least, _DRIVEN * interval**2) < sigma < _MOST:
         return 0.0
     second = np.diff(east) + 1j * np.diff(north)
     turn = np.angle(second[1:] * second[:-1].conj())[:-1][even]
