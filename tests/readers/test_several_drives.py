@@ -333,7 +333,7 @@ def behind(seconds, step=1.0, late=0.37, every=1, n=20 * N):
     a = pd.DataFrame({"time": T0 + k, "lat": 49.4 + METRES * way})
     way = 8.0 * (k - 15.0 * np.sin(k / 61.0))
     b = pd.DataFrame({"time": T0 + k + seconds + late * step, "lat": 49.4 + METRES * way})
-    rows = pd.concat([a.assign(of=0), b[::every].assign(of=1)]).assign(lon=8.7, trip_id="1")
+    rows = pd.concat([a.assign(of=0), b[::every].assign(of=1)]).assign(lon=8.70002, trip_id="1")
     return rows.sort_values("time").reset_index(drop=True)
 
 
