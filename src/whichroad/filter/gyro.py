@@ -19,7 +19,7 @@ from .lookback.history import History, accumulate_noise
 from .motion import GYRO_PACE, Increment, Noise, arc_chord
 from .records import COPIES
 from .state import B, Belief, most_probable
-from .vetting.scales import forget_scale
+from .vetting.scales import forget_drift, forget_scale
 from .vetting.windows import AT_REST, BY_GYRO, GYRO_ALONE
 
 _RESTS = 0.05  # m/s by the odometer, below which the vehicle stands
@@ -144,6 +144,7 @@ def _drive_off(belief: Belief, history: History) -> None:
         state.vetting.windows.count = 0
         state.vetting.turn_size.begun = 0
         forget_scale(state.vetting.turn_size.scale)
+        forget_drift(state.vetting.turn_size.scale)
     _loosen(belief, history)
     offset.left[0] = top.mu[B]
     offset.left[1] = top.cov[B, B]

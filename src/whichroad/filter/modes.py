@@ -12,6 +12,7 @@ from .lookback.history import History
 from .motion import GYRO_PACE
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
 from .vetting.facing import face_forward
+from .vetting.latency import clear_latency
 from .vetting.motion_sources import (
     ARC,
     COURSE,
@@ -161,7 +162,9 @@ def _heed_news(belief: Belief, par: Record, epoch: Record, departed: bool) -> No
     if vetting.turn_size.scale.found == 1:
         vetting.turn_size.scale.found = 0
         vetting.windows.count = 0
-        _start_elsewhere(belief, par, epoch, False)
+        clear_latency(vetting.latency)  # wrong turns look like a delay
+        _start_elsewhere(belief, par, epoch, vetting.latency.found == 1)
+        vetting.latency.found = 0
     if vetting.wheel_size.scale.found == 1:
         _take_scale(belief, par, epoch)
     if vetting.exposed == 1:

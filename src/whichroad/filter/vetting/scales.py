@@ -1,10 +1,12 @@
 """Scales of odometry that differ from what is said: of its ways, and of its turns.
 
 What the odometry measured of a *leg*, a chord or a corner, is held against what the fixes say of
-it.  A scale that is wrong errs by the same share of every leg, and no receiver does.
+it.  A scale that is wrong errs by the same share of every leg, and no receiver does.  What turns
+drift by lasts for the way or the time, so that it is told apart where corners differ in these.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +20,7 @@ _LEG = np.dtype(
         ("seen", "f8"),  # by the fixes
         ("variance", "f8"),  # of their difference
         ("seconds", "f8"),
+        ("clock", "f8"),  # by how much a drift adds to what is seen, m or s
     ],
     align=True,
 )
@@ -29,6 +32,7 @@ SCALE = np.dtype(
         ("agreed", "i8"),  # legs that the scale has fitted, of the drive
         ("rate", "f8"),  # true for measured, as learnt,
         ("rate_variance", "f8"),  # and its variance; infinite: the odometry is not used
+        ("straight", "f8", (2,)),  # weighted drift of what was no leg, and its weight
         ("p", "f8"),  # P(the scale is another one)
         ("found", "u1"),  # 1: with this fix it is
         ("factor", "f8"),  # what the scale was found to be, over what it was said to be
@@ -57,6 +61,21 @@ def forget_scale(scale: Record) -> None:
 
 
 @kernel
+def forget_drift(scale: Record) -> None:
+    """What turns drift by is another number from now on."""
+    scale.straight[0] = scale.straight[1] = 0.0
+
+
+class Fit(NamedTuple):
+    """What explains some legs best."""
+
+    change: float  # of the scale
+    drift: float  # rad a metre or a second
+    variance: float  # of the change
+    cost: float  # -log likelihood, nats
+
+
+@kernel
 def variance_between(seconds: float, a: float, b: float) -> float:
     """Variance of the way between fixes of the sigmas a and b so many seconds apart, m²."""
     slow = 1.0 - math.exp(-seconds / _BIAS_TIME)
@@ -64,13 +83,25 @@ def variance_between(seconds: float, a: float, b: float) -> float:
 
 
 @kernel
-def add_leg(scale: Record, measured: float, seen: float, variance: float, seconds: float) -> None:
-    """Keep what was measured of a leg (m, rad), and what the fixes say of it."""
+def add_leg(
+    scale: Record, measured: float, seen: float, variance: float, seconds: float, clock: float
+) -> None:  # fmt: skip
+    """Keep what was measured of a leg (m, rad), and what the fixes say of it.
+
+    Args:
+        scale: In place.
+        measured: By the odometry, m or rad.
+        seen: By the fixes.
+        variance: Of their difference, but for the scale and the drift.
+        seconds: For which it lasted.
+        clock: What a drift is multiplied by, m or s; 0: nothing drifts.
+    """
     leg = scale.legs[scale.count % LEGS]
     leg.measured = measured
     leg.seen = seen
     leg.variance = variance
     leg.seconds = seconds
+    leg.clock = clock
     scale.count += 1
     known = variance + measured * measured * scale.rate_variance
     if (seen - scale.rate * measured) ** 2 <= _FITS * _FITS * known:
@@ -84,76 +115,106 @@ def is_seasoned(scale: Record) -> bool:
 
 
 @kernel
-def decide(scale: Record, time: float) -> None:
+def decide(scale: Record, time: float, known: float = 1.0) -> None:
     """How likely another scale is, by the last legs; it is taken from `_SURE` nats on.
 
     Errors of chords are Student's, as receivers err by far more at times.  With the misfits z of
-    n legs by what was learnt, and y by the best scale, it gains
+    n legs by what was learnt, and y by the best scale, each with the drift that fits best, it gains
 
         ½ (ν + 1) Σ log((ν + z²) / (ν + y²))
+
+    Args:
+        scale: In place.
+        time: Of the last leg, s.
+        known: 1 over the variance of the drift, before legs tell it.
     """
     likely = 0.0
     best = 0.0
     change = 0.0
     variance = 0.0
     for n in range(2, min(scale.count, LEGS) + 1):
-        off, weight = _best_change(scale, n)
-        gain = _cost(scale, n, 0.0, scale.rate_variance) - _cost(scale, n, off, 0.0)
+        as_learnt = _fit(scale, n, known, False)
+        other = _fit(scale, n, known, True)
+        gain = as_learnt.cost - other.cost
         likely = max(likely, gain)
-        lasts = not is_seasoned(scale) or _seconds_of(scale, n, off) >= _LONGEST_PULL
-        if gain > best and lasts and abs(off) <= _MOST * scale.rate:
+        lasts = not is_seasoned(scale) or _seconds_of(scale, n, as_learnt, other) >= _LONGEST_PULL
+        if gain > best and lasts and abs(other.change) <= _MOST * scale.rate:
             best = gain
-            change = off
-            variance = 1.0 / weight
+            change = other.change
+            variance = other.variance
     scale.p = 1.0 / (1.0 + math.exp(min(_ODDS - likely, 50.0)))
     if best > _SURE:
         _take(scale, change, variance, time)
 
 
 @kernel
-def _seconds_of(scale: Record, n: int, change: float) -> float:
+def _misfit(scale: Record, leg: Record, change: float, drift: float) -> float:
+    """What is seen of a leg beyond what another scale and a drift explain."""
+    return float(leg.seen - (scale.rate + change) * leg.measured - drift * leg.clock)
+
+
+@kernel
+def _seconds_of(scale: Record, n: int, learnt: Fit, other: Fit) -> float:
     """How long those of the last n legs took that fit another scale, and better, s."""
     seconds = 0.0
     for back in range(n):
         leg = scale.legs[(scale.count - 1 - back) % LEGS]
-        z = leg.seen - scale.rate * leg.measured
-        left = z - change * leg.measured
+        z = _misfit(scale, leg, 0.0, learnt.drift)
+        left = _misfit(scale, leg, other.change, other.drift)
         if abs(left) < abs(z) and left * left <= _FITS * _FITS * leg.variance:
             seconds += leg.seconds
     return seconds
 
 
 @kernel
-def _cost(scale: Record, n: int, change: float, more: float) -> float:
-    """-log likelihood of the last n legs by a scale, whose variance is `more`, nats."""
-    cost = 0.0
-    for back in range(n):
-        leg = scale.legs[(scale.count - 1 - back) % LEGS]
-        z = leg.seen - (scale.rate + change) * leg.measured
-        square = z * z / (leg.variance + leg.measured * leg.measured * more)
-        cost += math.log((_FREEDOM + square) / _FREEDOM)
-    return 0.5 * (_FREEDOM + 1.0) * cost
+def _fit(scale: Record, n: int, known: float, free: bool) -> Fit:
+    """Fit the last n legs by a drift, and by another scale where it is free, reweighted.
+
+    With the weights w, the misfits z, what was measured m and the clocks c:
+
+        [Σ w m², Σ w m c; Σ w m c, Σ w c² + known] [change; drift] = [Σ w m z; Σ w c z]
+    """
+    more = 0.0 if free else scale.rate_variance
+    change = 0.0
+    drift = 0.0
+    variance = 0.0
+    for turn in range(_ITERATIONS):
+        mm, mc, mz = 0.0, 0.0, 0.0
+        cc, cz = known + scale.straight[1], scale.straight[0]
+        for back in range(n):
+            leg = scale.legs[(scale.count - 1 - back) % LEGS]
+            m, c = leg.measured, leg.clock
+            z = _misfit(scale, leg, 0.0, 0.0)
+            v = leg.variance + m * m * more
+            share = 1.0 / v
+            if turn > 0:
+                left = z - change * m - drift * c
+                share *= (_FREEDOM + 1.0) / (_FREEDOM + left * left / v)
+            mm += share * m * m
+            mc += share * m * c
+            mz += share * m * z
+            cc += share * c * c
+            cz += share * c * z
+        if free:
+            variance = 1.0 / (mm - mc * mc / cc)
+            change = variance * (mz - mc / cc * cz)
+        drift = (cz - change * mc) / cc
+    return Fit(change, drift, variance, _cost(scale, n, change, drift, known))
 
 
 @kernel
-def _best_change(scale: Record, n: int) -> tuple[float, float]:
-    """By how much another scale fits the last n legs best, and its information."""
-    change = 0.0
-    weight = 0.0
-    for turn in range(_ITERATIONS):
-        weight = 0.0
-        off = 0.0
-        for back in range(n):
-            leg = scale.legs[(scale.count - 1 - back) % LEGS]
-            z = leg.seen - scale.rate * leg.measured
-            share = 1.0 / leg.variance
-            if turn > 0:
-                left = z - change * leg.measured
-                share *= (_FREEDOM + 1.0) / (_FREEDOM + left * left / leg.variance)
-            weight += share * leg.measured * leg.measured
-            off += share * leg.measured * z
-        change = off / weight
-    return change, weight
+def _cost(scale: Record, n: int, change: float, drift: float, known: float) -> float:
+    """-log likelihood of the last n legs by a scale and a drift, nats; 0 change: as learnt."""
+    more = scale.rate_variance if change == 0.0 else 0.0
+    cost = 0.0
+    for back in range(n):
+        leg = scale.legs[(scale.count - 1 - back) % LEGS]
+        z = _misfit(scale, leg, change, drift)
+        square = z * z / (leg.variance + leg.measured * leg.measured * more)
+        cost += math.log((_FREEDOM + square) / _FREEDOM)
+    weight = known + scale.straight[1]
+    cost *= 0.5 * (_FREEDOM + 1.0)
+    return float(cost + drift * (0.5 * weight * drift - scale.straight[0]))
 
 
 @kernel

@@ -95,7 +95,7 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     if not kept:
         return
     anew = vetting.wheel_size.sudden or vetting.wheel_size.scale.found
-    watch_turns(vetting.turn_size, windows, scale, sound, anew)
+    watch_turns(vetting.turn_size, windows, scale, sound, anew, vetting.steered == BY_GYRO)
     if leg.seconds > 0.0:
         seen = weigh_leg(vetting, leg, sensors)
         _decide(vetting)

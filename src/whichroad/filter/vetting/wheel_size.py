@@ -142,7 +142,7 @@ def _end_leg(size: Record, now: Record, scale: float, seconds: float) -> None:
         reported = (now.path - begin.path) * way / arc
         if abs(reported - expected) < abs(seen - expected):
             seen = reported
-    add_leg(size.scale, way, seen, variance, seconds)
+    add_leg(size.scale, way, seen, variance, seconds, 0.0)
 
 
 @kernel
