@@ -14,6 +14,7 @@ from whichroad.filter.motion import (
     Increment,
     Noise,
     arc_chord,
+    driven_unseen,
     extrapolated,
     increment_of,
     predict_plane,
@@ -111,6 +112,18 @@ def test_extrapolated_motion_is_as_uncertain_in_many_epochs_as_in_one(metres: li
         before += m
     whole = extrapolated(wheel_noise(par, before, 0.0), 0.0, before)
     np.testing.assert_allclose(total, whole, atol=1e-15)
+
+
+@given(st.lists(st.floats(0.01, 5.0), min_size=1, max_size=6), st.floats(0.0, 20.0))
+def test_a_vehicle_that_goes_on_unseen_is_as_unsure_in_many_epochs_as_in_one(seconds, silent):
+    none = wheel_noise(new_parameters()[0], 0.0, 0.0)
+    total, end = np.zeros(6), silent
+    for dt in seconds:
+        end += dt
+        total += driven_unseen(none, end, dt)
+    np.testing.assert_allclose(total, driven_unseen(none, end, end - silent), rtol=1e-9, atol=1e-9)
+    sigma = math.sqrt(driven_unseen(none, 5.0, 5.0).along)
+    assert 0.4 < sigma / (0.5 * 1.2 * 5.0**2) < 1.0  # from rest, of what 1.2 m/s² drive in 5 s
 
 
 @given(gaussians, st.floats(0.5, 6.0), turns)

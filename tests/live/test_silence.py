@@ -73,6 +73,35 @@ def test_a_prediction_does_not_turn_for_ever(town, drive):
     assert np.mean(straight) > 9.0
 
 
+def test_a_prediction_covers_what_a_vehicle_may_do_meanwhile(town, drive):
+    """It accelerates out of corners, brakes, stands and starts, and takes any road."""
+    localizer, truth = Localizer(town, vehicle=drive.vehicle), drive.truth
+    over, wrong, due = [], [], truth.time[0] + 20.0
+    for one in by_time(drive, lambda t: True):
+        localizer.take(one)
+        if one.time < due or one.time + 14.0 > truth.time[-1]:
+            continue
+        due = one.time + 1.0
+        for ahead in (3.0, 6.0, 10.0, 14.0):
+            said = localizer.predict(one.time + ahead)
+            at = int(np.searchsorted(truth.time, one.time + ahead))
+            error = math.hypot(said.pose.x - truth.x[at], said.pose.y - truth.y[at])
+            over.append(error > said.protection_level)
+            wrong.append(said.p_road > 0.999 and error > 100.0)
+    assert np.mean(over) < 0.005
+    assert not any(wrong)
+
+
+def test_a_vehicle_that_stands_may_start_meanwhile(town, drive):
+    localizer, levels = Localizer(town, vehicle=drive.vehicle), []
+    for one in by_time(drive, lambda t: True):
+        said = localizer.update(one)
+        if said.status == "stopped" and not levels:
+            ahead = [localizer.predict(said.time + t) for t in (0.0, 2.0, 4.0, 8.0)]
+            levels = [one.protection_level for one in ahead]
+    assert not levels or np.all(np.diff(levels) > [2.0, 10.0, 20.0])  # 1.2 m/s²: 38 m in 8 s
+
+
 def test_an_odometer_that_falls_silent_leaves_the_distance_uncertain(town, drive):
     """By a fifth of what is extrapolated; while it speaks, by little."""
     o, f = drive.drive.odometry, drive.drive.fixes

@@ -14,6 +14,7 @@ from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most
 from .vetting.facing import face_forward
 from .vetting.latency import clear_latency
 from .vetting.motion_sources import (
+    AHEAD,
     ARC,
     COURSE,
     NONE,
@@ -334,7 +335,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
     if departed and reading.has_fix:
         refuse_standing(vetting)
     _withhold_reports(vetting, reading)
-    if epoch.time - vetting.suspect_at < _UNSURE:
+    if epoch.time - vetting.suspect_at < _UNSURE and reading.odometry_valid != AHEAD:
         reading.odometry_valid = 0
     mode = mode_of(vetting, sensors)
     if state.count == 0:

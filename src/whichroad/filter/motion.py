@@ -10,6 +10,7 @@ from typing import NamedTuple
 from .._compile import Matrix, Record, Vector, kernel
 from ..graph.geometry import wrap
 from ._simd import add_times, new_row, set_times, set_to
+from .speed_process import speed_process
 from .state import CLOCK, MX, MY, B, H, K, N, X, Y
 from .vetting.windows import BY_GYRO, BY_WHEELS, UNTURNED, is_alone
 
@@ -25,6 +26,7 @@ _STRAIGHT, _TURNING = 0.0025, 0.02  # rad²/m, and with an odometer; where cours
 _PIECE, _MOST_PIECES = 6.0, 10_000  # m, longest piece of an arc; of an arc
 _UNMEASURED = 0.04  # squared error of extrapolated motion, relative
 _UNMEASURED_TURN = 0.01  # rad²/m, heading noise of extrapolated motion
+_SPEEDS, _LASTS = 5.0, 15.0  # m/s and s, σ and τ of a speed that nothing measures
 
 
 class Increment(NamedTuple):
@@ -125,6 +127,29 @@ def extrapolated(noise: Noise, before: float, metres: float) -> Noise:
         noise.along + _UNMEASURED * (after * after - before * before), noise.across,
         noise.heading + _UNMEASURED_TURN * metres, noise.rate, noise.drift, noise.cross,
     )  # fmt: skip
+
+
+@kernel
+def unseen_way(silent: float, dt: float) -> float:
+    """Variance (m²) that dt seconds add to the way of a vehicle unseen for `silent` s by then.
+
+    Its speed is that of `speed_process`, with V the variance of the way: V(t + Δt) − V(t).
+    """
+    before = speed_process(max(silent - dt, 0.0), _SPEEDS, _LASTS).variance
+    return float(speed_process(silent, _SPEEDS, _LASTS).variance - before)
+
+
+@kernel
+def driven_unseen(noise: Noise, silent: float, dt: float) -> Noise:
+    """The same of a vehicle that may have accelerated or braked meanwhile, also from rest.
+
+    Args:
+        noise: Of extrapolated motion.
+        silent: Since the last measurement until the end, s.
+        dt: Of this increment, s.
+    """
+    along = noise.along + unseen_way(silent, dt)
+    return Noise(along, noise.across, noise.heading, noise.rate, noise.drift, noise.cross)
 
 
 @kernel

@@ -48,6 +48,7 @@ from .state import (
     normalise,
 )
 from .summary.estimate import LOST, OUTAGE, Output
+from .vetting.motion_sources import AHEAD
 
 _ANYWHERE = 1000.0  # m, sigma of the position before the first fix
 _CANDIDATES = 48  # the closest segments, where more are within the radius
@@ -67,7 +68,8 @@ def predict(belief: Belief, ctx: Context, epoch: Record, dt: float) -> None:
     metres = abs(epoch.arc)
     move = Increment(epoch.arc, epoch.turn, epoch.forward, epoch.left, epoch.arc)
     wheels = wheel_noise(par, metres, 0.0)
-    if par.mode == WHEELS and epoch.odometry_valid == 0:
+    ahead = epoch.odometry_valid == 0 or epoch.odometry_valid == AHEAD
+    if par.mode == WHEELS and ahead:
         wheels = extrapolated(wheels, 0.0, metres)
     heading = wheels.heading + (par.turn_noise * epoch.turn) ** 2
     q = Noise(wheels.along, wheels.across, heading, 0.0, 0.0, 0.0)

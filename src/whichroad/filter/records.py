@@ -22,7 +22,7 @@ EPOCH = np.dtype(  # what the sensors said at one moment, and since the one befo
         ("speed_sigma", "f8"),  # inf: not reported
         ("course", "f8"),  # heading over ground, rad
         ("course_sigma", "f8"),  # inf: not reported
-        ("odometry_valid", "u1"),  # 1: measured; 2: until the next; 3: creeping.BELOW; 0: not
+        ("odometry_valid", "u1"),  # 1: measured; 2: until the next; 3: BELOW; 4: AHEAD; 0: not
         ("has_fix", "u1"),
         ("filled", "u1"),  # 1: the fix repeats an earlier one, as later ones prove
         ("gyro", "u1"),  # what measures the turn: BY_WHEELS ... of `vetting.windows`

@@ -5,7 +5,7 @@ what was extrapolated since they fell silent.  Its noise is that of the position
 
     p' = p + R(θ) (n, 0),    U' = U + n,    var n = V(t + Δt) − V(t)
 
-with V the variance of the distance of `speed_process`, of a speed that begins as it was.
+with V the variance of the way of `motion.unseen_way`, of a speed that begins as it was.
 
 When wheels are heard again, the distance that they tell less what was extrapolated observes U.  It
 moves each hypothesis along the way that it came, and tells those apart that a turn of the gyro has
@@ -19,12 +19,10 @@ from .._compile import Matrix, Record, kernel
 from .gaussian import log_density, update_state
 from .gnss.silence import FASTEST, may_be_lost, may_have_moved
 from .lookback.history import History, accumulate_noise
-from .motion import Increment, Noise
-from .speed_process import speed_process
+from .motion import Increment, Noise, unseen_way
 from .state import Belief, H, N, U, X, Y
 from .vetting.windows import HEARD_AGAIN
 
-_SPEEDS, _LASTS = 5.0, 15.0  # m/s and s, of the speed's process, σ and τ
 _SURE, _SCALE = 1.0, 0.01  # m, sigma of a distance that wheels tell, and share of the excess
 _BY_CHANCE = 1e-4  # 1/m, density of distances that mean nothing
 _FITS = 10.0  # chi-square beyond which no hypothesis was moved as the wheels were
@@ -45,8 +43,7 @@ def roam(belief: Belief, history: History, epoch: Record, dt: float) -> None:
     silent = state.vetting.silent
     if silent <= dt:  # it begins
         _forget(belief)
-    q = speed_process(silent, _SPEEDS, _LASTS).variance
-    q -= speed_process(max(silent - dt, 0.0), _SPEEDS, _LASTS).variance
+    q = unseen_way(silent, dt)
     for i in range(state.count):
         hyp = belief.hyp[i]
         c, s = math.cos(hyp.mu[H]), math.sin(hyp.mu[H])

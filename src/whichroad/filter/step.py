@@ -30,6 +30,7 @@ from .motion import (
     Increment,
     Noise,
     blind_noise,
+    driven_unseen,
     extrapolated,
     increment_of,
     pieces_of,
@@ -63,6 +64,7 @@ from .state import (
 )
 from .summary.estimate import Output, describe
 from .summary.waiting import wait
+from .vetting.motion_sources import AHEAD
 from .vetting.windows import BY_GYRO, HEARD_AGAIN, is_alone
 
 _EXCHANGE, _TURN_TIME = 25.0, 0.25  # m between exchanges with off the roads; s, of the turn rate
@@ -215,11 +217,11 @@ def _predict(
         odometer = dt if mode == CLOCK else epoch.arc
         unseen = epoch.time - state.reports.speed[1] > _SPEED_KEPT
         q = blind_noise(ctx.par[0], odometer, metres, mode, unseen, heard)
-        q = driven_off(state.still, history.since[0], _noise(state, epoch, q, metres, mode))
+        q = driven_off(state.still, history.since[0], _noise(state, epoch, q, metres, 0.0, dt))
         if len(history.steps) > 0:
             history.since[0].drawn |= 1 - state.knows_heading
             accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0, odometer), q)
-        turned = turn_round(belief, ctx, dt)
+        turned = epoch.odometry_valid != AHEAD and turn_round(belief, ctx, dt)  # none predicted
         changed = advance_along(belief, path, ctx, odometer, q) or turned
         if (mode == CLOCK and forward_only(belief, ctx)) or changed:
             state.changed = 1
@@ -248,7 +250,8 @@ def _predict_wheels(
                 state.changed = 1
             if state.changed:
                 reduce(belief, path, ctx)
-        q = _noise(state, epoch, wheel_noise(ctx.par[0], metres, move.turn), metres, WHEELS)
+        q = wheel_noise(ctx.par[0], metres, move.turn)
+        q = _noise(state, epoch, q, metres, dt - (piece + 1) * dt / pieces, dt / pieces)
         if len(history.steps) > 0:
             accumulate_noise(history, move, q)
         if metres > 0.0 or move.turn != 0.0 or q.along > 0.0:  # else nothing moves
@@ -265,14 +268,23 @@ def _predict_wheels(
 
 
 @kernel(inline=True)
-def _noise(state: Record, epoch: Record, noise: Noise, metres: float, mode: int) -> Noise:
-    """Process noise of an increment, more where the odometer did not measure it."""
-    if mode == CLOCK or epoch.odometry_valid != 0 or is_alone(epoch):
+def _noise(
+    state: Record, epoch: Record, noise: Noise, metres: float, left: float, dt: float
+) -> Noise:  # fmt: skip
+    """Process noise of an increment, more where the odometer did not measure it.
+
+    The increment takes dt seconds, and `left` seconds of the epoch are left after it.
+    """
+    measured = epoch.odometry_valid != 0 and epoch.odometry_valid != AHEAD
+    if state.mode == CLOCK or measured or is_alone(epoch):
         state.unmeasured = 0.0
         return unsure_of(state, noise)
     before = state.unmeasured
     state.unmeasured += metres
-    return extrapolated(noise, before, metres)
+    noise = extrapolated(noise, before, metres)
+    if epoch.odometry_valid == AHEAD:
+        return driven_unseen(noise, state.vetting.silent - left, dt)
+    return noise
 
 
 @kernel(inline=True)

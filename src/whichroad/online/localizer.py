@@ -13,8 +13,8 @@ from typing import Any
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..errors import ReadError
 from ..filter.state import CLOCK, DISTANCE, WHEELS, Context, new_belief, new_path, new_work
-from ..filter.vetting.motion_sources import ARC, BELOW
-from ..filter.vetting.windows import GYRO_ALONE, HEARD_AGAIN
+from ..filter.vetting.motion_sources import AHEAD, ARC, BELOW
+from ..filter.vetting.windows import BY_WHEELS, GYRO_ALONE, HEARD_AGAIN, UNTURNED
 from ..global_start import start_at
 from ..lookback.smoothing import Window
 from ..observations import (
@@ -56,6 +56,7 @@ _BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
 _FARTHEST = 366 * 86400.0  # s that are predicted; of more the covariance overflows
 _BLAMED, _CREPT = 2.0, 5.0  # times the fixes' variances; m, by which places may be wrong then
 _FACTORS = ("gnss_factor", "innovation_factor", "windowed_factor", "bias_factor")
+_STEERED = 4.0  # s of a prediction, after which the road turns the vehicle
 _TURNING = 1.0  # s that a turn goes on while nothing is heard of it
 
 
@@ -200,7 +201,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         return True
 
     def predict(self, time: float) -> Estimate:
-        """Dead reckoning to a later time, without changing the filter.
+        """Dead reckoning to a later time, in the end along the roads, without changing the filter.
 
         Args:
             time: At most a year after the last observation, s.
@@ -224,8 +225,13 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
                     "observation; at most a year was expected; are both of one clock?"
                 )
             double.copy_from(now)
-            valid = BELOW if self._creeps else 0
-            double.fill(time, self._rate[0] * ahead, self._rate[1] * min(ahead, _TURNING), valid)
+            valid = BELOW if self._creeps else AHEAD
+            speed, turn, by = self._rate[0], self._rate[1] * min(ahead, _TURNING), BY_WHEELS
+            if ahead > _STEERED and now.mode == WHEELS and not self._creeps:
+                double.fill(now.time + _STEERED, speed * _STEERED, turn, valid)
+                double.run()
+                ahead, turn, by = ahead - _STEERED, 0.0, UNTURNED
+            double.fill(time, speed * ahead, turn, valid, by)
             double.run()
             return self._answers.of(double, self._far_fix, self._clocks.behind)
 

@@ -39,6 +39,7 @@ SPIN = np.dtype(  # wheels that may turn on the spot, see `vetting.spinning`
 )
 
 BELOW = 3  # EPOCH.odometry_valid: 0, of odometry that tells nothing below a speed
+AHEAD = 4  # the same: not measured, but as the vehicle would go on
 
 SLOW = np.dtype(  # such odometry, see `filter.creeping`
     [

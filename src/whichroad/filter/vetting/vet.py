@@ -14,6 +14,7 @@ from .agreement import NEVER, differ, weigh_courses, weigh_distances, weigh_turn
 from .clocks import heed_clocks, mend_odometry
 from .latency import clear_latency, keep_place
 from .motion_sources import (
+    AHEAD,
     ANYTHING,
     ARC,
     COURSE,
@@ -148,7 +149,7 @@ def _compare_clocks(vetting: Record, epoch: Record, sensors: int, scale: float) 
 @kernel
 def _take_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> None:
     """Sum up what odometry has measured, and hold it against what cars can do."""
-    measured = epoch.odometry_valid != 0
+    measured = epoch.odometry_valid != 0 and epoch.odometry_valid != AHEAD
     vetting.silent = 0.0 if measured else vetting.silent + dt
     if measured:
         vetting.missed = 0
