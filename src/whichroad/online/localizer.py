@@ -52,12 +52,11 @@ from .set_back import Clocks
 from .silence import between, is_speed, learnt, lost_after, silent_after
 from .watched import Watched
 
-_BESIDE = 1.0  # s between epochs of a gyro while wheels are silent
-_FARTHEST = 366 * 86400.0  # s that are predicted; of more the covariance overflows
+# s between epochs of a gyro while wheels are silent; that are predicted, else numbers overflow
+_BESIDE, _FARTHEST = 1.0, 366 * 86400.0
 _BLAMED, _CREPT = 2.0, 5.0  # times the fixes' variances; m, by which places may be wrong then
 _FACTORS = ("gnss_factor", "innovation_factor", "windowed_factor", "bias_factor")
-_STEERED = 4.0  # s of a prediction, after which the road turns the vehicle
-_TURNING = 1.0  # s that a turn goes on while nothing is heard of it
+_TURNING, _STEERED = 1.0, 4.0  # s that a turn goes on unheard; until the road turns a prediction
 
 
 class Localizer(LooksBack, Watched, Pauses, Remembers):
@@ -114,15 +113,13 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         ctx = Context(parameters(self.settings, self.vehicle, CLOCK), self.roads.arrays, new_work())
         self._filter = EpochFilter(ctx)
         if self._past is not None:
-            tree = new_path(1 << 14)
-            self._filter = EpochFilter(ctx, new_belief(True), tree, self._past.history)
+            self._filter = EpochFilter(ctx, new_belief(True), new_path(1 << 14), self._past.history)
         self._ahead: EpochFilter | None = None  # of `predict`
         self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
         self._rate = (0.0, 0.0)  # m/s, rad/s
         self._gyro = GyroTurns(self.vehicle.track_width)
         self._band = DeadBand(self.vehicle.least_speed)  # below which the odometry reads 0
-        self._creeps = False  # it does so now
-        self._glitches = Glitches()
+        self._creeps, self._glitches = False, Glitches()  # whether it does so now; of rates
         self._filter.belief.state[0].vetting.slow.least = self._band.least
         self._sensing = Sensing(sensors, self.roads)
         self._interval = 0.0  # s, usually between odometry readings

@@ -57,6 +57,12 @@ _RATES: dict[type, tuple[tuple[str, _Change], ...]] = {
 }
 
 _READ = {kind: attrgetter(rates[0][0], rates[-1][0]) for kind, rates in _RATES.items()}
+_SLACK = {  # of the first and the last rate: by second, and at once
+    kind: (
+        (rates[0][1].by_second, rates[-1][1].by_second), (rates[0][1].slack, rates[-1][1].slack)
+    )
+    for kind, rates in _RATES.items()
+}  # fmt: skip
 
 
 class Glitches:
@@ -75,23 +81,24 @@ class Glitches:
             reading: What is no rate is given back as it is.
             skipped: Counts what is nonsense.
         """
-        rates = _RATES.get(type(reading))
-        if rates is None:
+        read = _READ.get(type(reading))
+        if read is None:
             return reading
         since, off = reading.time - self._sound, False
         if type(before) is type(reading):
-            read, one, two = _READ[type(reading)], rates[0][1], rates[-1][1]
-            (a, b), (p, q), (u, v) = read(reading), read(before), self._usual
-            a, b = abs(a - p), abs(b - q)
-            off = a > one.slack + one.by_second * since + _UNUSUAL * u
-            off = off or b > two.slack + two.by_second * since + _UNUSUAL * v
-            self._usual = (
-                u + _NEW * (min(a, _ROUGH * one.slack) - u),
-                v + _NEW * (min(b, _ROUGH * two.slack) - v),
-            )
-        self._share += _LATELY * (off - self._share)
-        seldom = self._count < _MOST and self._share < _OFTEN
-        if off and seldom and 0.0 <= since <= _LONGEST:
+            (fast, slew), (one, two) = _SLACK[type(reading)]
+            (x, y), (p, q) = read(reading), read(before)
+            turns = type(reading) is not SpeedYaw or x != 0.0 or p != 0.0  # not on the spot
+            u, v = self._usual
+            x, y = abs(x - p), abs(y - q)
+            if x > one or y > two:
+                off = x > one + fast * since + _UNUSUAL * u
+                off = off or (turns and y > two + slew * since + _UNUSUAL * v)
+                x, y = min(x, _ROUGH * one), min(y, _ROUGH * two)
+            self._usual = u + _NEW * (x - u), v + _NEW * (y - v)
+        if off or self._share:
+            self._share += _LATELY * (off - self._share)
+        if off and self._count < _MOST and self._share < _OFTEN and 0.0 <= since <= _LONGEST:
             self._count += 1
             skipped[GLITCH] = skipped.get(GLITCH, 0) + 1
             return cast(Reading, replace(before, time=reading.time))
@@ -129,8 +136,11 @@ def _mended(log: Log) -> tuple[Log, int]:
     ]
     dt = np.diff(log.time)
     off = np.zeros(len(dt), bool)  # from each reading to the next
+    drives = np.ones(len(dt), bool)  # who stands may be turned on the spot
+    if isinstance(log, SpeedYawRate):
+        drives = (log.speed[1:] != 0.0) | (log.speed[:-1] != 0.0)
     for change, (_, most), more in zip(changes, rates, slack, strict=True):
-        off |= change > more + most.by_second * dt
+        off |= (change > more + most.by_second * dt) & drives
     source = np.arange(len(log.time))  # of which reading each has the values
     limits = [(most.by_second, more) for (_, most), more in zip(rates, slack, strict=True)]
     for last in np.flatnonzero(off).tolist():
