@@ -257,15 +257,6 @@ def test_driving_along_roads_turns_with_them_and_keeps_the_lane():
     assert place[6] == pytest.approx((298.25, -beyond, -math.pi / 2), abs=0.05)
 
 
-def test_how_far_behind_a_corner_is_as_unsure_as_its_gaussian():
-    """By 1.5 m/rad, however narrow the part was that went round it."""
-    belief = belief_on(CROSS, [On(0, 292.0, sigma=4.0)])
-    go_along(belief, CROSS, 5.0)
-    child = next(hyp for hyp in living(belief) if hyp.edge == 4)
-    assert child.along_sigma > 1.5 * 0.5 * math.pi
-    assert child.cov[Y, Y] == pytest.approx(child.along_sigma**2, rel=0.02)
-
-
 @pytest.mark.parametrize("steps", [4, 20])
 def test_a_node_is_passed_by_as_much_in_small_steps_as_at_once(steps: int):
     """Half of the Gaussian is past it in the end, and where it is does not depend on the steps."""

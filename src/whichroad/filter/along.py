@@ -23,6 +23,7 @@ from .motion import ACROSS, Increment, Noise, add_across, predict_plane, predict
 from .road import track
 from .slow_states import decay
 from .state import (
+    CLOCK,
     MX,
     MY,
     NO_BOUND,
@@ -42,7 +43,7 @@ from .state import (
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
-_CORNER_SIGMA = 2.6  # m/rad, of the distance driven in a corner
+_CORNER_SIGMA = 3.0  # m/rad, of the distance driven in a corner
 _WOBBLE, _CORNERED = 5.0, 0.3  # m, rad of the road's turn, over which a heading about it lasts
 _REDRAWN = 0.03  # of it, below which nothing is kept
 _FULL_TURN = 1.6  # rad, cap of a corner
@@ -114,7 +115,7 @@ def _wobble(
     heading = math.atan2(tangent[1], tangent[0])
     about = wrap(mean[H] - heading + turn)
     keep, rate = keep_about(about, odometer * mean[K], min(abs(turn), _FULL_TURN))
-    if keep < _REDRAWN:
+    if state.mode != CLOCK or keep < _REDRAWN:
         redraw(hyp, H, heading, state.about_road[0])
         return
     mean[H] = heading + about
@@ -151,7 +152,7 @@ def _move_to(
     variance += corner
     mean = hyp.mu
     cov = hyp.cov
-    q = Noise(noise.along, 0.0, 0.0, noise.rate, 0.0, noise.cross)
+    q = Noise(noise.along + corner, 0.0, 0.0, noise.rate, 0.0, noise.cross)
     if knows:
         turn_by_road(mean, cov, turn_within(roads, edge, segment, to.begin, at), noise.heading)
     else:
@@ -162,8 +163,6 @@ def _move_to(
     scale = belief.state[0].scale
     if shrink < 0.9999:
         reshape_on_map(mean, cov, nx, ny, shift, shrink, scale)
-    if corner > 0.0:  # not before: the part that has turned is no surer of where it did
-        add_across(cov, corner, -ny, nx)
     mean[X] = cx + scale * (to.lateral * ny - mean[MX])
     mean[Y] = cy + scale * (-to.lateral * nx - mean[MY])
     hyp.segment = segment

@@ -25,6 +25,7 @@ from ..sparse.arrival import ACROSS_SIGMA, HEADING_NOISE
 from ..sparse.candidates import heavy_tail, usual_speed
 from ..speed_process import speed_process
 from ..state import (
+    CLOCK,
     GX,
     GY,
     MX,
@@ -232,9 +233,9 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     rate, cross = motion.road_noise[2], motion.road_noise[1]
     add_road_noise(model, Noise(along, across, usual, rate, 0.0, cross))
     _change_lane(model, ctx, then.edge, edge)
-    if motion.drawn:
+    if motion.drawn and motion.mode == CLOCK:
         wobble(model, advance, bent, usual)
-    else:
+    elif not motion.drawn:
         keep_heading(model, history, ctx.roads, link)
     return True
 
