@@ -334,20 +334,24 @@ def _label(value: object) -> str:
 
 
 def _of_bytes(values: "pa.Array") -> list[Any]:
-    """Values, bytes among them as text where all of a column are that, else as hexadecimal digits.
+    """Values; bytes among them as the text that they are, else as hexadecimal digits, each alone.
 
-    Bytes of one length, such as those of UUIDs, are digits always: one of 10,000 is text by chance.
+    So a name is the same in each batch of a stream.  Bytes of one length, such as those of UUIDs,
+    are digits always: one of 10,000 is text by chance.
     """
     import pyarrow as pa
 
-    found: list[Any] = values.to_pylist()
-    if not any(isinstance(value, bytes) for value in found):
-        return found
-    if not pa.types.is_fixed_size_binary(values.type):
-        try:
-            words = [None if value is None else value.decode() for value in found]
-            if all(word is None or word.isprintable() for word in words):
-                return words
-        except UnicodeDecodeError:
-            pass
-    return [None if value is None else value.hex() for value in found]
+    fixed = pa.types.is_fixed_size_binary(values.type)
+    return [
+        _name_of(value, fixed) if isinstance(value, bytes) else value
+        for value in values.to_pylist()
+    ]
+
+
+def _name_of(value: bytes, fixed: bool) -> str:
+    """Bytes as text, or as digits."""
+    try:
+        text = value.decode()
+    except UnicodeDecodeError:
+        return value.hex()
+    return text if text.isprintable() and not fixed else value.hex()

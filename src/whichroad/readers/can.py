@@ -230,7 +230,8 @@ def _number(raw: NDArray[np.uint64], signal: Any) -> Array:
     """The number that a signal's bits, right-aligned, stand for."""
     if signal.is_float:
         kind = {16: np.float16, 32: np.float32, 64: np.float64}[signal.length]
-        return raw.astype(f"<u{signal.length // 8}").view(kind).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # bits that are no number
+            return raw.astype(f"<u{signal.length // 8}").view(kind).astype(np.float64)
     if signal.is_signed:
         spare = np.int64(64 - signal.length)  # shifting there and back repeats the sign's bit
         return ((raw.view(np.int64) << spare) >> spare).astype(np.float64)

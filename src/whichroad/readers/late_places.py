@@ -1,6 +1,5 @@
 """Places that lag behind the speeds of their rows, as by a low pass, moved to these."""
 
-from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
@@ -24,21 +23,19 @@ class Places(NamedTuple):
     unknown: Bools  # no place is left: it was moved from here, and none came here
 
 
-def moved_to(wanted: Array, places: Places, own: slice, time: Array) -> Places:
-    """Places of which one drive has those of later times.
+def move_to(wanted: Array, new: Places, own: slice, time: Array) -> None:
+    """Give one drive the places of later times.
+
+    Beyond the last row its place is held, across gaps they are on a line; both are marked as
+    unknown.
 
     Args:
         wanted: (k,) s, whose place each row of the drive is to have.
-        places: (n,) each, of all drives.
+        new: (n,) each, of all drives; in place.
         own: The k rows of the drive.
         time: (k,) s, in order.
-
-    Returns:
-        Copies.  Beyond the last row its place is held, across gaps they are on a line; both are
-        marked as unknown.
     """
-    new = deepcopy(places)
-    lon = places.lon[own]
+    lon = new.lon[own]
     new.lon[own] = lon[0] + wrap_degrees(lon - lon[0])  # without a step at 180 degrees
     for values in (new.lat, new.lon, new.cov_ee, new.cov_en, new.cov_nn):
         values[own] = np.interp(wanted, time, values[own])
@@ -48,4 +45,3 @@ def moved_to(wanted: Array, places: Places, own: slice, time: Array) -> Places:
     before, after = wanted - time[behind - 1], time[behind] - wanted
     near = np.minimum(np.abs(before), np.abs(after)) < _AT * step
     new.unknown[own] = ~near & ((after < 0.0) | (before + after > _GAP * step))
-    return new

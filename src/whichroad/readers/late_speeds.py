@@ -7,6 +7,7 @@ the places are late, as by a low pass, and `late_places` moves them.
 """
 
 from collections.abc import Callable
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..geodesy.units import METRES_PER_DEGREE
 from ..observations import Array
 from .checks import Ints, Skipped
 from .interpolated_places import metres
-from .late_places import Places, moved_to
+from .late_places import Places, move_to
 
 _FEWEST = 60  # rows of a drive that is judged
 _CLOSE = 2.5  # s between rows, up to which speeds of places show a delay
@@ -170,7 +171,7 @@ def in_time(
     """
     if columns.speed is None:
         return places, columns
-    place, moved = places[:2], columns
+    place, moved, new = places[:2], columns, None
     bounds = np.append(first, len(time))
     suspects = set(_may_lag(time, place, columns.speed, bounds).tolist())
     back = (place[0][::-1], place[1][::-1])
@@ -196,6 +197,7 @@ def in_time(
         if late.speed > 0:
             skipped[f"speed {seconds} place (moved there)"] += high - low
         else:
-            places = moved_to(time[own] + rows * step, places, own, time[own])
+            new = new or deepcopy(places)
+            move_to(time[own] + rows * step, new, own, time[own])
             skipped[f"place {seconds} speed (moved there)"] += high - low
-    return places, moved
+    return new or places, moved

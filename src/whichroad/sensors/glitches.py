@@ -32,6 +32,7 @@ GLITCH = "rate off from those around it (bridged)"
 _MOST, _LONGEST = 3, 0.21  # readings, and s since the last sound one, that it holds
 _UNUSUAL, _NEW = 4.0, 0.02  # times the usual change; share of a change in what is usual,
 _ROUGH = 2.0  # and of which it is at most so many times the slack
+_ON_THE_SPOT = 2.5  # rad/s, up to which who stands may be turned
 _LATELY, _OFTEN = 0.05, 0.3  # share of a reading in the last ones; of them, that is no exception
 
 
@@ -88,7 +89,7 @@ class Glitches:
         if type(before) is type(reading):
             (fast, slew), (one, two) = _SLACK[type(reading)]
             (x, y), (p, q) = read(reading), read(before)
-            turns = type(reading) is not SpeedYaw or x != 0.0 or p != 0.0  # not on the spot
+            turns = type(reading) is not SpeedYaw or x != 0.0 or p != 0.0 or abs(y) > _ON_THE_SPOT
             u, v = self._usual
             x, y = abs(x - p), abs(y - q)
             if x > one or y > two:
@@ -127,6 +128,8 @@ def without_glitches(log: OdometryLog) -> tuple[OdometryLog, Skipped]:
 
 def _mended(log: Log) -> tuple[Log, int]:
     """A log of one sensor, and how many of its readings were nonsense."""
+    if len(log.time) < 3:
+        return log, 0
     rates = _RATES.get(type(log), ())
     columns: list[Array] = [getattr(log, name) for name, _ in rates]
     changes = [np.abs(np.diff(column)) for column in columns]
@@ -139,6 +142,7 @@ def _mended(log: Log) -> tuple[Log, int]:
     drives = np.ones(len(dt), bool)  # who stands may be turned on the spot
     if isinstance(log, SpeedYawRate):
         drives = (log.speed[1:] != 0.0) | (log.speed[:-1] != 0.0)
+        drives |= np.maximum(np.abs(log.yaw_rate[1:]), np.abs(log.yaw_rate[:-1])) > _ON_THE_SPOT
     for change, (_, most), more in zip(changes, rates, slack, strict=True):
         off |= (change > more + most.by_second * dt) & drives
     source = np.arange(len(log.time))  # of which reading each has the values
