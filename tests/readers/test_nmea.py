@@ -10,6 +10,7 @@ from whichroad.errors import ReadError
 from whichroad.evidence.sensed import columns_of
 from whichroad.observations import ASSUMED, FROM_HDOP, FROM_QUALITY, NO_CORRELATION, RECKONED_PLACE
 from whichroad.readers import NmeaParser, read_drive
+from whichroad.readers.reckoned_places import LEFT_OUT
 from whichroad.readers.reported_fixes import as_records, from_gst
 from whichroad.sensors import DualAntenna
 from whichroad.settings import Settings
@@ -213,6 +214,22 @@ def test_an_rmc_alone_says_that_its_place_is_dead_reckoned(nmea, read):
     assert (fixes.flags & RECKONED_PLACE > 0).tolist() == [False, True, True, False, False]
     gga = nmea.burst(clock="080001.00", gst=None, knots=None)  # says that it has satellites
     assert not (read(content + gga).fixes.flags[1] & RECKONED_PLACE)
+
+
+@pytest.mark.parametrize("pieces", [[1, 1, 1, 1], [1, 3], [2, 2], [4]])
+def test_an_rmc_without_a_mode_takes_none_of_its_variation_or_the_next_sentence(nmea, pieces):
+    place = f"{nmea.angle(49.4, 2, 'NS')},{nmea.angle(8.7, 3, 'EW')}"
+    lines = [
+        nmea.sealed(f"GPRMC,08000{k}.00,A,{place},20.0,90.0,010626,003.1,E") for k in range(3)
+    ] + [b"$E,E*00\r\n"]
+    parser = NmeaParser(today=NOON, beside=lambda _: True)  # a dead-reckoned one is left out
+    fixes = []
+    for n in pieces:
+        fixes += parser.feed(b"".join(lines[:n]))
+        del lines[:n]
+    fixes += parser.flush()
+    assert [fix.cov_ee for fix in fixes] == [Settings().default_sigma_m ** 2] * 3
+    assert LEFT_OUT not in parser.skipped
 
 
 def test_a_reported_error_comes_before_the_kind_of_fix(nmea, read):

@@ -297,10 +297,15 @@ class _Fields:
     star: Ints
 
     def spans(self, rows: Ints, numbers: tuple[int, ...]) -> tuple[Ints, Ints]:
-        """Where the fields `numbers` of the sentences `rows` begin and end, (fields, rows)."""
+        """Where the fields `numbers` of the sentences `rows` begin and end, (fields, rows).
+
+        Short sentences lack the last fields: these are empty, and lie behind the star.
+        """
         comma = self.first[rows] + np.array(numbers, np.int64)[:, None]
-        comma = np.minimum(comma, len(self.commas) - 1)  # short sentences lack the last fields
-        return self.commas[comma - 1] + 1, np.minimum(self.commas[comma], self.star[rows])
+        star, last = self.star[rows], len(self.commas) - 1  # the last stands behind the text
+        begin = self.commas[np.minimum(comma - 1, last)] + 1
+        end = np.minimum(self.commas[np.minimum(comma, last)], star)
+        return begin, np.maximum(begin, end)
 
     def letters(self, rows: Ints, numbers: tuple[int, ...]) -> Bytes:
         """Letters of those fields, 0 where a field is shorter, shape (fields, rows).
