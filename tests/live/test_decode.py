@@ -355,6 +355,20 @@ def test_a_signal_that_is_not_available_is_counted_and_no_speed(tmp_path):
     assert stream.skipped_why == {"signal not available": 8}
 
 
+def test_the_value_of_reverse_is_one_whatever_its_name_says(tmp_path):
+    gear = ' SG_ Gear : 32|4@1+ (1,0) [0|8] "" A\n'
+    (tmp_path / "car.dbc").write_text(
+        J1939.replace("VAL_", gear + 'VAL_ 256 Gear 1 "Gear_err" ;\nVAL_')
+    )
+    signals = {"wheel_rl": "Left", "wheel_rr": "Right", "reverse": "Gear", "reverse_value": "1"}
+    stream, said = CanStream(tmp_path / "car.dbc", Vehicle(signals=signals)), []
+    for i in range(4):
+        data = (0x2000).to_bytes(2, "little") * 2 + bytes([i >= 2, 0, 0, 0])
+        said += stream.feed(key(256, False), 1.7e9 + 0.1 * i, data)
+    assert said[0].left > 0.0 > said[-1].left
+    assert not stream.skipped_why
+
+
 def test_frames_that_mean_nothing_are_counted_or_passed_over(files):
     stream = CanStream(files / "vehicle.dbc", read_vehicle(files / "vehicle.toml"))
     message = can.Message(arbitration_id=928, data=[1])

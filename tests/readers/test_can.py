@@ -388,6 +388,16 @@ def test_a_yaw_rate_and_a_gear_that_are_not_available_say_nothing(read, sound):
     assert drive.skipped == {"signal not available": 4}
 
 
+@pytest.mark.parametrize("told", ["Backwards_err", "9"])
+def test_the_value_of_reverse_is_one_whatever_its_name_says(read, told):
+    signals = {"speed": "Left", "yaw_rate": "Turn", "reverse": "Gear", "reverse_value": told}
+    dbc = ABSENT + 'VAL_ 928 Gear 9 "Backwards_err" 5 "Gear_err" ;\n'
+    log = "".join(speeds(k, gear={5: 5, 6: 9}.get(k, 3)) for k in range(20))
+    drive = read(log, Vehicle(signals=signals), dbc)
+    assert (drive.odometry.speed < 0.0).tolist() == [k == 6 for k in range(20)]
+    assert drive.skipped == {"signal not available": 1}
+
+
 def test_only_its_name_takes_a_number_from_a_counter_that_wraps(read):
     car = vehicle({"wheel_rl_ticks": "Pulses", "wheel_rr_ticks": "Pulses"}, counter_bits=8)
     log = "".join(speeds(k, pulses=3 * k % 256) for k in range(300))
@@ -430,6 +440,14 @@ def test_a_log_without_any_value_says_so(read):
             "Fehler",
         ),
         *("Init", "Initialisierung", "Unterspannung", "unknown", "Reserved", "defekt", "Timeout"),
+        *(
+            "Error not available",
+            "Fault, no signal",
+            "No signal error",
+            "Init failed",
+            "fehlerhaft",
+        ),
+        *("Not initialized", "Uninitialized", "not defined", "No data", "keine Daten"),
     ],
 )
 def test_names_of_no_value_are_known(name):
@@ -442,6 +460,10 @@ def test_names_of_no_value_are_known(name):
         *("No error", "NoFault", "kein Fehler", "fehlerfrei", "ErrorFree", "R", "Reverse", "N"),
         *("Valid", "Standstill", "Stillstand", "Not reverse", "NotActive", "Off", "gueltig"),
         *("Snail", "Natural", "Initiated", "Terror"),
+        *("Fault_not_present", "Fehler nicht vorhanden", "Err_none", "Not_Invalid", "NotInvalid"),
+        *("Invalid_False", "No_Timeout", "Timeout_inactive", "Not missing", "defekt_nein"),
+        *("Init_OK", "Initialised", "Initialized", "Initialisiert", "Initialization finished"),
+        *("Failsafe_inactive", "Without_fault", "keine St\u00f6rung", "not reserved"),
     ],
 )
 def test_names_of_values_are_not_taken_for_them(name):

@@ -161,11 +161,12 @@ class CanStream:
         self.skipped_why: Counter[str] = Counter()
         signals = find_signals(dbc, vehicle, self.skipped_why, columns)
         self._vehicle, self._offset = vehicle, offset
+        self._reverse_value = reverse_value(signals, vehicle)
         self._by_frame: dict[int, list[_Bits]] = {}
         for role, signal in signals.items():
-            self._by_frame.setdefault(signal.frame, []).append(_bits(role, signal))
+            used = self._reverse_value if role == "reverse" else None
+            self._by_frame.setdefault(signal.frame, []).append(_bits(role, signal, used))
         self._roles = {role for role in signals if not role.startswith(SENSED)}
-        self._reverse_value = reverse_value(signals, vehicle)
         self._backwards = False
         self._last: dict[str, tuple[float, float]] = {}  # role -> time, value
         self._waiting: tuple[float, float] | None = None  # a left wheel without its right one
@@ -294,7 +295,7 @@ class CanStream:
         return [kind(at, waiting, before[1] + part * (value - before[1]))]
 
 
-def _bits(role: str, signal: Signal) -> _Bits:
+def _bits(role: str, signal: Signal, used: float | None) -> _Bits:
     """Where the bits of a signal are; the .dbc counts those of big endian from the left."""
     about = signal.about
     plain, unit = role.endswith("_ticks") or role == "reverse", (about.unit or "").strip()
@@ -309,7 +310,8 @@ def _bits(role: str, signal: Signal) -> _Bits:
     sign = 1 << (about.length - 1) if about.is_signed else 0
     return _Bits(
         role, shift, (1 << about.length) - 1, sign, little, needed, scale, offset,
-        signal if about.is_float else None, absent(about, counter=role.endswith("_ticks")),
+        signal if about.is_float else None,
+        absent(about, counter=role.endswith("_ticks"), used=used),
     )  # fmt: skip
 
 

@@ -100,8 +100,11 @@ def read_can(
     signals = find_signals(dbc, vehicle, skipped, columns)
     frames = read_frames(path, {s.frame for s in signals.values()}, skipped)
     notes: list[str] = []
+    used = reverse_value(signals, vehicle)
     series = {
-        role: _series(signal, role, frames[signal.frame], skipped, notes)
+        role: _series(
+            signal, role, frames[signal.frame], used if role == "reverse" else None, skipped, notes
+        )
         for role, signal in signals.items()
         if signal.frame in frames
     }
@@ -239,7 +242,12 @@ def _number(raw: NDArray[np.uint64], signal: Any) -> Array:
 
 
 def _series(
-    signal: Signal, role: str, frames: Frames, skipped: Skipped, notes: list[str]
+    signal: Signal,
+    role: str,
+    frames: Frames,
+    used: float | None,
+    skipped: Skipped,
+    notes: list[str],
 ) -> Series:
     """Times and SI values of one signal."""
     about = signal.about
@@ -251,7 +259,7 @@ def _series(
         numbers = _numbers(about, data)
     else:
         numbers = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
-    none = absent(about, counter=role.endswith("_ticks")).among(numbers)
+    none = absent(about, counter=role.endswith("_ticks"), used=used).among(numbers)
     there = keep(~none, NOT_AVAILABLE, skipped)
     time, values = time[there], _scaled(numbers[there], about)
     unit = (about.unit or "").strip()

@@ -16,16 +16,26 @@ from .checks import Bools
 NOT_AVAILABLE = "signal not available"
 
 _END = 7  # J1939 keeps the last of each 128 numbers of a signal for errors and for no value
+_FAULT = (
+    r"err(?:ors?)?|faults?|faulty|fail\w*|malfunction\w*|defe[ck]t\w*|gest.{1,2}rt\w*"
+    r"|fehler(?!frei|los)\w*|st.{1,2}rung(?!sfrei)\w*|time ?out|inval\w*|under ?voltage"
+    r"|unterspannung"
+)
+_BAD = (
+    rf"(?:{_FAULT}|sna|unavail\w*|missing|undef\w*|im?plausib\w*|unplausib\w*|out ?of ?range"
+    r"|unsupported|unknown|reserve?d|reserviert\w*|ung.{1,2}ltig\w*|unbekannt\w*|uninit\w*)"
+)
+# Taken out of a name before words are looked for: they deny a fault, or say that all is well.
+_DENIED = re.compile(
+    rf"\b(?:no|not|keine?|nicht|ohne|without) {_BAD}\b"
+    rf"|\b(?:{_FAULT}) (?:free|less|frei|none|inactive|inaktiv|false|falsch|(?:no|nein|off|aus)$"
+    r"|not (?:present|active|detected|set)|nicht (?:vorh\w*|aktiv|erkannt|gesetzt))\b"
+    r"|(?<!not )\binit\w* (?:ok|finished|done|completed?|fertig|beendet|abgeschlossen)\b"
+)
 _WORDS = re.compile(
-    r"\bsna\b|^n ?a$|\bnot ?avail|\bunavail|\bno ?(data|signal|value)\b|\bmissing\b|\btime ?out\b"
-    r"|\bnot ?(valid|received|present|supported|defined|init|plausible)|\binval|\bunsupported\b"
-    r"|\bunknown\b|\bundef|\bim?plausib|\bunplausib|\bout ?of ?range\b|\breserve?d\b|\breserviert"
-    r"|\binit(?!iat)"
+    rf"^n ?a$|\b{_BAD}\b|\bno ?(data|signal|value)\b|\binit(?!iat|iali[sz]ed\b|ialisiert\b)"
+    r"|\bnot ?(avail|valid|received|present|supported|defined|init|plausible)"
     r"|\bnicht ?(verf.{1,2}gbar|vorh|def|init|g.{1,2}ltig|plaus|empf)|\bkeine? ?(daten|signal|wert)"
-    r"|\bung.{1,2}ltig|\bunbekannt|\bunterspannung|\bunder ?voltage"
-    r"|(?<!\bno )(?<!\bnot )(?<!\bkein )(?<!\bkeine )(?<!\bohne )(?<!\bwithout )"
-    r"\b(err(ors?)?\b|faults?\b|faulty|fail|malfunction|defe[ck]t|fehler|gest.{1,2}rt|st.{1,2}rung)"
-    r"(?! ?(free|less|frei))"
 )
 
 
@@ -53,28 +63,33 @@ class Absent(NamedTuple):
 def is_no_value(name: str) -> bool:
     """Whether a name of the .dbc says that there is no value."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
-    return _WORDS.search(" ".join(re.sub(r"[\W_]+", " ", words).lower().split())) is not None
+    plain = " ".join(re.sub(r"[\W_]+", " ", words).lower().split())
+    return _WORDS.search(_DENIED.sub(" ", plain)) is not None
 
 
-def absent(about: Any, *, counter: bool) -> Absent:
+def absent(about: Any, *, counter: bool, used: float | None = None) -> Absent:
     """The numbers of a signal that stand for no value.
 
     Args:
         about: cantools' description.
         counter: Whether it counts and wraps: it goes through all its numbers, so only names
             decide.
+        used: A value of it that the vehicle's settings tell, as `reverse_value`: whatever its
+            name says, it is one.
     """
     if about.is_float:
         return Absent()
     bits = about.length - 1 if about.is_signed else about.length
+    scale = float(about.scale)
     named, values = set[float](), set[float]()
     for number, name in (about.choices or {}).items():
         number %= 1 << about.length  # some write those of signed signals as without a sign
         if about.is_signed and number >> bits:
             number -= 1 << about.length
-        (named if is_no_value(str(name)) else values).add(float(number))
+        is_value = number * scale + float(about.offset) == used or not is_no_value(str(name))
+        (values if is_value else named).add(float(number))
     found = Absent(frozenset(named), frozenset(values))
-    low, high, scale = about.minimum, about.maximum, float(about.scale)
+    low, high = about.minimum, about.maximum
     if counter or low is None or high is None or not low < high or scale == 0.0:
         return found
     ends = sorted((float(end) - float(about.offset)) / scale for end in (low, high))
