@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from whichroad.readers import NmeaParser, drive_from_table, read_drive
-from whichroad.readers.reckoned_places import LEFT_OUT
+from whichroad.readers.reckoned_places import KEPT, LEFT_OUT
 
 BEGIN = 1_780_300_800  # 2026-06-01 08:00 UTC
 MODES = "6AAAAA6666AAAAAAAAAA"  # of the fix of each second: dead-reckoned, or with satellites
@@ -63,6 +63,27 @@ def test_where_odometry_is_silent_or_no_other_fix_comes_they_stay(nmea, put):
     assert seconds(drive) == [k for k in range(20) if not 6 <= k < 8]
     (drive,) = read_drive([put("a.nmea", log(nmea, "6" * 20)), put("m.csv", motion(names))])
     assert len(drive.fixes) == 20
+
+
+@pytest.mark.parametrize(
+    ("speed", "kept"), [(0.0, True), (5.0, True), (16.0, True), (9.0, False), (11.0, False)]
+)
+def test_where_the_odometry_says_another_way_they_stay_and_it_is_said(put, speed, kept):
+    times = np.arange(160.0)
+    inside = (times >= 30.0) & (times < 130.0)
+    turning = np.linspace(0.0, 3.0, 160)  # a bend: the way is longer than the chord
+    table = pd.DataFrame({
+        "time": BEGIN + times,
+        "lat": 49.4 + np.cumsum(np.sin(turning)) * 10.0 / 111_195,
+        "lon": 8.7 + np.cumsum(np.cos(turning)) * 10.0 / 72_370,
+        "fix_quality": np.where(inside, 6, 1),
+        "speed_mps": np.where(inside & (times > 60.0), speed, 10.0),
+        "yaw_rate_radps": 3.0 / 160.0,
+    })  # fmt: skip
+    (drive,) = drive_from_table(table)
+    assert len(drive.fixes) == (160 if kept else 60)
+    assert drive.skipped == ({} if kept else {LEFT_OUT: 100})
+    assert (KEPT in drive.notes) == kept
 
 
 def test_a_table_with_the_kind_of_fix_and_a_ubx_log_without_sensors_are_alike(nmea, put):

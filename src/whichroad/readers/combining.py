@@ -283,7 +283,7 @@ def _one(drives: list[Drive], name: str, vehicle: Vehicle) -> Drive:
             sensed=tuple(sorted((s for d in drives for s in d.sensed), key=lambda s: s.time)),
             gyro=gyro,
         )
-    return with_speed_notes(with_fit_notes(without_reckoned(drive), vehicle))
+    return with_speed_notes(with_fit_notes(without_reckoned(drive, vehicle), vehicle))
 
 
 def _same_clock(name: str, fixes: Fixes | None, odometry: OdometryLog | None) -> None:

@@ -121,7 +121,10 @@ def drive_from_table(
             for name, frame in frames
             for drive in drives_of(in_memory(frame, reading), reading, Counter(), name, name)
         ]
-    return [with_fit_notes(without_reckoned(drive), reading.vehicle) for drive in drives]
+    return [
+        with_fit_notes(without_reckoned(drive, reading.vehicle), reading.vehicle)
+        for drive in drives
+    ]
 
 
 def drives_of(

@@ -103,7 +103,7 @@ def _notes(drive: Drive, vehicle: Vehicle) -> list[str]:
     fixes, odometry = drive.fixes, drive.odometry
     if fixes is None or odometry is None or len(fixes) < _FEWEST or len(odometry.time) < 2:
         return []
-    time, way = _way(odometry, vehicle)
+    time, way = way_of(odometry, vehicle)
     notes = [_coverage(fixes, time)]
     low, high = np.searchsorted(fixes.time, (time[0], time[-1]))
     part = slice(low, min(high, low + _MOST))
@@ -114,7 +114,7 @@ def _notes(drive: Drive, vehicle: Vehicle) -> list[str]:
     return [note for note in notes if note]
 
 
-def _way(odometry: OdometryLog, vehicle: Vehicle) -> tuple[Array, Array]:
+def way_of(odometry: OdometryLog, vehicle: Vehicle) -> tuple[Array, Array]:
     """Times and distance driven so far, m."""
     if isinstance(odometry, WithGyro):
         odometry = odometry.distance

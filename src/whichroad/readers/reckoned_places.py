@@ -2,7 +2,8 @@
 
 Such a receiver goes on without satellites by sensors of its own, and tells a small error while its
 places drift.  Wheels with a gyro say the same, and the filter knows how they drift.  An odometer
-alone measures no turns: beside it such places are of use.
+alone measures no turns: beside it such places are of use.  So they are where the odometry says
+another way than they do, as where it reads 0: nothing else shows that then.
 """
 
 from collections import Counter
@@ -11,11 +12,18 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from ..observations import RECKONED_PLACE, Drive, Fixes, Odometer
+from ..observations import RECKONED_PLACE, Array, Drive, Fixes, Odometer
+from ..settings import Vehicle
 from .checks import Bools, Skipped, keep
+from .odometry_fit import way_of
+from .units_by_places import distances
 
 LEFT_OUT = "place dead-reckoned by the receiver, beside odometry that measures turns"
+KEPT = "places that the receiver has dead-reckoned are used: the odometry says another way"
 HEARD = 5.0  # s for which odometry that was heard stands beside a place
+_STEP = 4.0  # s between places whose chords are the way
+_PIECE = 60.0  # s over which ways are compared
+_OTHER, _LEAST = 0.2, 30.0  # of the longer way, m: beyond both it is another
 
 Beside = Callable[[float], bool]  # whether such odometry was heard about a time, s since 1970
 
@@ -25,23 +33,47 @@ def nothing_beside(_: float) -> bool:
     return False
 
 
-def without_reckoned(drive: Drive) -> Drive:
+def without_reckoned(drive: Drive, vehicle: Vehicle) -> Drive:
     """The drive without such places; those before its first other fix say where it begins.
 
     Args:
         drive: A drive, in one piece.
+        vehicle: For the scale of counters.
     """
     log, found = drive.odometry, drive.fixes
     if log is None or isinstance(log, Odometer) or found is None or not len(log.time):
         return drive
-    others = found.time[found.flags & RECKONED_PLACE == 0]
+    reckoned = found.flags & RECKONED_PLACE > 0
+    others = found.time[~reckoned]
     if len(others) in (0, len(found)):
         return drive
     last = np.searchsorted(log.time, found.time, side="right") - 1
     heard = (last >= 0) & (found.time - log.time[last] <= HEARD) & (found.time > others[0])
+    time, way = way_of(log, vehicle)
+    driven = np.append(0.0, np.cumsum(np.abs(np.diff(way))))
+    notes = drive.notes
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], reckoned & heard, [0]])))
+    for begin, end in ends.reshape(-1, 2).tolist():
+        if not _same_way(found, slice(begin, end), time, driven):
+            heard[begin:end] = False
+            notes = tuple(dict.fromkeys((*notes, KEPT)))
     skipped: Skipped = Counter(drive.skipped)
     left = without(found, heard, skipped)
-    return drive if left is found else replace(drive, fixes=left, skipped=dict(skipped))
+    return replace(drive, fixes=left, skipped=dict(skipped), notes=notes)
+
+
+def _same_way(found: Fixes, run: slice, time: Array, driven: Array) -> bool:
+    """Whether odometry says about the way of these places in each minute of theirs."""
+    at = found.time[run]
+    _, some = np.unique(at // _STEP, return_index=True)
+    if len(some) < 2:
+        return True
+    at = at[some]
+    way = np.append(0.0, np.cumsum(distances(found.lat_deg[run][some], found.lon_deg[run][some])))
+    until = np.minimum(np.searchsorted(at, at + _PIECE), len(at) - 1)
+    mine = way[until] - way
+    its = np.interp(at[until], time, driven) - np.interp(at, time, driven)
+    return not bool((np.abs(mine - its) > np.maximum(_OTHER * np.maximum(mine, its), _LEAST)).any())
 
 
 def without(found: Fixes, beside: Bools, skipped: Skipped) -> Fixes:
