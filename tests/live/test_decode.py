@@ -4,7 +4,7 @@ import asyncio
 import math
 import time
 from collections import Counter
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import can
 import numpy as np
@@ -14,7 +14,9 @@ from whichroad import (
     Distance,
     GeoFix,
     Localizer,
+    SpeedYaw,
     Vehicle,
+    WheelSpeed,
     WheelTicks,
     YawRate,
     read_drive,
@@ -193,6 +195,37 @@ def test_dead_reckoned_places_are_left_out_while_odometry_with_turns_is_heard(
     # the first says where the drive begins
     assert health.count == (12 if used else 10)
     assert health.skipped_why == ({} if used else {LEFT_OUT: 2})
+
+
+@pytest.mark.parametrize(
+    ("rest", "motion", "used"),
+    [
+        (WheelSpeed(0.0, 0.0, 0.0), WheelSpeed(0.0, 9.0, 9.0), True),
+        (SpeedYaw(0.0, 0.0, 0.01), SpeedYaw(0.0, 9.0, 0.0), True),
+        (WheelTicks(0.0, 7.0, 7.0), WheelTicks(0.0, 9.0, 9.0), True),
+        (SpeedYaw(0.0, 9.0, 0.0), SpeedYaw(0.0, 9.0, 0.0), False),
+    ],
+)
+def test_dead_reckoned_places_are_used_once_they_move_on_while_odometry_stands(
+    town, ride, log, monkeypatch, rest, motion, used
+):
+    made = []
+    monkeypatch.setitem(READERS, "udp", lambda address, health, make: made.append(make()))
+    car = Localizer(town, vehicle=ride.vehicle)
+    run = VehicleRun(Fitted(car, nmea=[nmea_address("udp://:1")]), window=1.0, rate=10.0)
+    run.inputs(False)
+
+    async def feed():
+        for k, burst in enumerate(bursts(log)[:40]):
+            reading = motion if k < 8 else rest
+            run.filter_loop.observe([replace(reading, time=START + k - 0.001)])
+            made[0].feed(dead_reckoned(burst) if k >= 10 else burst)
+            made[0].end()
+
+    asyncio.run(feed())
+    (health,) = run.filter_loop.sensors.values()
+    assert health.count == (30 if used else 10)  # from 20 s on
+    assert health.skipped_why == {LEFT_OUT: 10 if used else 30}
 
 
 def test_odometry_that_fell_silent_stands_beside_no_place(town, ride, observations):

@@ -103,3 +103,21 @@ def test_on_line_the_same_are_left_out_while_odometry_is_heard(nmea):
     fixes = parser.feed(log(nmea)) + parser.flush()
     assert [fix.time - BEGIN for fix in fixes] == [k for k in range(20) if k not in (8, 9)]
     assert parser.skipped == {LEFT_OUT: 2}
+
+
+@pytest.mark.parametrize(("begin", "kept"), [(0, range(16, 30)), (12, range(22, 30)), (25, [])])
+def test_on_line_they_stay_once_they_move_on_while_the_odometry_stands(nmea, begin, kept):
+    parser = NmeaParser(
+        today=BEGIN, beside=lambda _: True, stood=lambda at: max(at - BEGIN - begin, 0.0)
+    )
+    fixes = parser.feed(log(nmea, "A" * 6 + "6" * 24)) + parser.flush()
+    assert [fix.time - BEGIN for fix in fixes] == [*range(6), *kept]
+    assert parser.skipped == {LEFT_OUT: 24 - len(kept)}
+
+
+def test_on_line_they_are_left_out_while_they_stand_as_the_odometry_does(nmea):
+    parser = NmeaParser(today=BEGIN, beside=lambda _: True, stood=lambda at: at - BEGIN)
+    for k in range(30):
+        parser.feed(nmea.burst(clock=f"0800{k:02d}.00", lon=8.7 + 1e-6 * k, quality=6))
+    parser.flush()
+    assert parser.skipped == {LEFT_OUT: 30}

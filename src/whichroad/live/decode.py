@@ -27,7 +27,7 @@ from ..readers.names import SENSED
 from ..readers.nmea import NmeaParser
 from ..readers.nmea_told import NmeaTold
 from ..readers.reading import Reading
-from ..readers.reckoned_places import Beside, nothing_beside
+from ..readers.reckoned_places import Beside, Stood, never_stood, nothing_beside
 from ..readers.ubx import UbxParser
 from ..sensors.validation import FASTEST
 from ..settings import Settings, Vehicle
@@ -55,20 +55,23 @@ class NmeaStream:
         told: Which of `readers.names.TOLD` sensors ask for.
         beside: Whether odometry that measures turns was heard about a time, on our clock: places
             that the receiver dead-reckoned are left out then.
+        stood: For how many s it has read no motion: places that move on meanwhile stay.
     """
 
     def __init__(
         self, settings: Settings | None = None, offset: float = 0.0,
         vehicle: Vehicle | None = None, told: Collection[str] = (),
-        beside: Beside = nothing_beside,
+        beside: Beside = nothing_beside, stood: Stood = never_stood,
     ) -> None:  # fmt: skip
         self._offset, now = offset, time.time()
-        self._parser = NmeaParser(settings, now, lambda at: beside(at + offset))
+        self._parser = NmeaParser(
+            settings, now, lambda at: beside(at + offset), lambda at: stood(at + offset)
+        )  # fmt: skip
         self._sensors = None if vehicle is None else ReceiverSensors(vehicle)
         asked = {SENSED + name: name for name in told}
         self._ubx = UbxParser(
             Reading.of(settings=settings, columns=asked), self._sensors,
-            lambda at: beside(at + offset),
+            lambda at: beside(at + offset), lambda at: stood(at + offset),
         )  # fmt: skip
         self._status = StatusReader()
         self._readings: list[SensorReading] = []

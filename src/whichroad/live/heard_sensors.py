@@ -58,6 +58,8 @@ class HeardSensors:
     def __init__(self, sensors: Sequence[Sensor] = ()) -> None:
         self._columns = {one.name: frozenset(one.columns) for one in sensors}
         self._times: dict[str, _Times] = {}
+        self._moved = -inf  # when odometry was last heard to move, or first heard, s
+        self._counted: dict[type, tuple[float, ...]] = {}
 
     def take(self, one: Observation) -> None:
         """An observation has come."""
@@ -67,6 +69,24 @@ class HeardSensors:
                     self._hear(name, one.time)
         else:
             self._hear(KINDS[type(one)], one.time)
+            if self._moves(one) and one.time > self._moved:
+                self._moved = one.time
+
+    def stood(self, at: float) -> float:
+        """For how many seconds up to a time, s, odometry was not heard to move."""
+        return at - self._moved
+
+    def _moves(self, one: Observation) -> bool:
+        """Whether a reading says that the vehicle moves; the first of a counter does."""
+        if isinstance(one, WheelSpeed):
+            return one.left != 0.0 or one.right != 0.0
+        if isinstance(one, SpeedYaw):
+            return one.speed != 0.0
+        if not isinstance(one, WheelTicks | Distance):
+            return False
+        told = (one.left, one.right) if isinstance(one, WheelTicks) else (one.distance,)
+        before, self._counted[type(one)] = self._counted.get(type(one)), told
+        return told != before
 
     def turns(self, since: float) -> bool:
         """Whether odometry that measures turns, too, was heard since a time, s."""
@@ -75,6 +95,7 @@ class HeardSensors:
 
     def forget_after(self, time: float) -> None:
         """A recording was turned back to a time, s."""
+        self._moved = min(self._moved, time)
         for times in self._times.values():
             kept = [one for one in times.recent if one <= time]
             times.recent = deque(kept, maxlen=_RECENT)

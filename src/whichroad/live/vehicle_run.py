@@ -125,6 +125,9 @@ class VehicleRun:
         def beside(at: float) -> bool:
             return filter_loop.odometry_beside(time.time() if by_arrival else at)
 
+        def stood(at: float) -> float:
+            return filter_loop.heard.stood(time.time() if by_arrival else at)
+
         inputs: list[Coroutine[Any, Any, None]] = []
         for address in fitted.nmea:
             health = filter_loop.sensor(name_of(address), "gnss")
@@ -134,7 +137,7 @@ class VehicleRun:
                 health: Any = health, offset: float = offset, name: str = name_of(address)
             ) -> NmeaInput:
                 wheels = None if fitted.can else car  # those of a bus come first
-                stream = NmeaStream(settings, offset, wheels, told, beside)
+                stream = NmeaStream(settings, offset, wheels, told, beside, stood)
                 sensor = partial(filter_loop.sensor, f"{name}, sensors", "wheels")
                 return NmeaInput(health, stream, deliver, sensor)
 

@@ -22,7 +22,7 @@ from .names import told_of
 from .nmea_bursts import Bursts
 from .nmea_sentences import COLUMNS, LONGEST, TYPES, Sentences, joined, scan, sealed
 from .nmea_told import READ_BY, NmeaTold
-from .reckoned_places import Beside, nothing_beside, without_heard
+from .reckoned_places import Beside, OnLine, Stood, never_stood, nothing_beside
 from .reported_fixes import Reported, as_records, from_gst, make_fixes
 from .source import Source
 
@@ -96,6 +96,7 @@ class NmeaParser:
         today: A time (s since 1970) of the day that is taken until RMC or ZDA gives the date.
         beside: Whether odometry that measures turns was heard about a time: places that the
             receiver dead-reckoned are left out then.
+        stood: For how many s it has read no motion: places that move on meanwhile stay.
 
     Attributes:
         skipped: How many sentences were not used, by reason.
@@ -103,9 +104,10 @@ class NmeaParser:
     """
 
     def __init__(
-        self, settings: Settings | None = None, today: float = 0.0, beside: Beside = nothing_beside
-    ) -> None:
-        self._beside = beside
+        self, settings: Settings | None = None, today: float = 0.0,
+        beside: Beside = nothing_beside, stood: Stood = never_stood,
+    ) -> None:  # fmt: skip
+        self._reckoned = OnLine(beside, stood)
         self.skipped: Skipped = Counter()
         self.others: Counter[str] = Counter()
         self._settings = settings or Settings()
@@ -148,7 +150,7 @@ class NmeaParser:
         if done is None:
             return []
         fixes = []
-        for fix in as_records(without_heard(self.fixes(done), self._beside, self.skipped)):
+        for fix in as_records(self._reckoned.without(self.fixes(done), self.skipped)):
             if fix.time in self._out:
                 self.skipped[REPEATED] += 1
             else:

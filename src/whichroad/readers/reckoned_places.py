@@ -25,12 +25,20 @@ _STEP = 4.0  # s between places whose chords are the way
 _PIECE = 60.0  # s over which ways are compared
 _OTHER, _LEAST = 0.2, 30.0  # of the longer way, m: beyond both it is another
 
+_LASTING = 10.0  # s that odometry reads no motion while places move by `_LEAST`, on line
+
 Beside = Callable[[float], bool]  # whether such odometry was heard about a time, s since 1970
+Stood = Callable[[float], float]  # s for which it has read no motion up to a time
 
 
 def nothing_beside(_: float) -> bool:
     """There is no odometry."""
     return False
+
+
+def never_stood(_: float) -> float:
+    """It moves."""
+    return 0.0
 
 
 def without_reckoned(drive: Drive, vehicle: Vehicle) -> Drive:
@@ -90,8 +98,37 @@ def without(found: Fixes, beside: Bools, skipped: Skipped) -> Fixes:
     return Fixes(**{one.name: getattr(found, one.name)[good] for one in fields(Fixes)})
 
 
-def without_heard(found: Fixes, beside: Beside, skipped: Skipped) -> Fixes:
-    """The same on line."""
-    if not (found.flags & RECKONED_PLACE).any():
-        return found
-    return without(found, np.array([beside(time) for time in found.time.tolist()]), skipped)
+class OnLine:
+    """The same on line: left out while odometry is heard, unless it stands and they move.
+
+    Args:
+        beside: Whether odometry that measures turns was heard about a time.
+        stood: For how long it has read no motion.
+    """
+
+    def __init__(self, beside: Beside, stood: Stood) -> None:
+        self._beside, self._stood = beside, stood
+        self._first: tuple[float, float, float] | None = None  # since it stands: s, degrees
+
+    def without(self, found: Fixes, skipped: Skipped) -> Fixes:
+        """The fixes without those places.
+
+        Args:
+            found: The next fixes, in the order of time.
+            skipped: Where to count.
+        """
+        beside = found.flags & RECKONED_PLACE > 0
+        for k in np.flatnonzero(beside).tolist():
+            time, lat, lon = (float(x[k]) for x in (found.time, found.lat_deg, found.lon_deg))
+            beside[k] = self._beside(time) and not self._moves(time, lat, lon)
+        return without(found, beside, skipped)
+
+    def _moves(self, time: float, lat_deg: float, lon_deg: float) -> bool:
+        """Whether places have moved on while the odometry stood."""
+        first, stood = self._first, self._stood(time)
+        if first is None or not 0.0 <= time - first[0] <= stood:
+            self._first = (time, lat_deg, lon_deg)
+            return False
+        _, lat, lon = first
+        far = float(distances(np.array([lat, lat_deg]), np.array([lon, lon_deg]))[0])
+        return time - first[0] >= _LASTING and far > _LEAST

@@ -16,7 +16,7 @@ from .checks import REPEATED, Bools, Ints, Skipped, keep
 from .fix_quality import RECKONED, SINGLE
 from .names import told_of
 from .reading import Reading
-from .reckoned_places import Beside, nothing_beside, without_heard
+from .reckoned_places import Beside, OnLine, Stood, never_stood, nothing_beside
 from .reported_fixes import RADIUS_68, Reported, as_records, make_fixes
 from .source import Source
 from .ubx_frames import (
@@ -148,6 +148,7 @@ class UbxParser:
         sensors: Takes ESF-MEAS; None: it is passed over.
         beside: Whether odometry that measures turns was heard about a time: places that the
             receiver dead-reckoned are left out then.
+        stood: For how many s it has read no motion: places that move on meanwhile stay.
 
     Attributes:
         told: What further sensors ask for, since it was last taken from here.
@@ -157,10 +158,10 @@ class UbxParser:
 
     def __init__(
         self, reading: Reading | None = None, sensors: Sensors | None = None,
-        beside: Beside = nothing_beside,
+        beside: Beside = nothing_beside, stood: Stood = never_stood,
     ) -> None:  # fmt: skip
         self.skipped: Skipped = Counter()
-        self._beside = beside
+        self._reckoned = OnLine(beside, stood)
         self.seen = False
         self.told: list[SensorReading] = []
         self._sensors = sensors
@@ -207,7 +208,7 @@ class UbxParser:
             return []
         reckoned = self._sensors is None or not self._sensors.useful
         whole = _fixes_of(frame + cov_frame, self._reading, self.skipped, keep_reckoned=reckoned)
-        whole = without_heard(whole, self._beside, self.skipped)
+        whole = self._reckoned.without(whole, self.skipped)
         fixes = [fix for fix in as_records(whole) if fix.time not in self._out]
         if len(fixes) < len(whole):
             self.skipped[REPEATED] += 1
