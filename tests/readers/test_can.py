@@ -4,7 +4,7 @@ import can
 import cantools
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from whichroad.errors import ReadError
@@ -95,6 +95,7 @@ def test_signals_are_decoded_as_by_cantools(length, start, big, signed, scale, o
     big=st.booleans(),
     payload=st.binary(min_size=8, max_size=8),
 )
+@example(length=32, start=10, big=False, payload=b"\x00\x00\x00\x01\xfe\x01\x00\x00")  # such a NaN
 def test_floats_are_decoded_as_by_cantools(length, start, big, payload):
     check(length, start, big, True, True, 1.0, 0.0, payload)
 
