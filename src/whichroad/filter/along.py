@@ -96,7 +96,7 @@ def keep_about(about: float, way: float, bent: float) -> tuple[float, float]:
 
 
 @kernel
-def _see_ahead(state: Record, usual: float) -> None:
+def _renew_about_road(state: Record, usual: float) -> None:
     """The variance of headings about roads is that of the last epoch, `usual` rad at least."""
     state.about_road[0] = max(state.about_road[1], usual * usual)
     state.about_road[1] = 0.0
@@ -232,7 +232,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         Whether anything branched.
     """
     changed = False
-    _see_ahead(belief.state[0], ctx.par[0].edge_heading_sigma)
+    _renew_about_road(belief.state[0], ctx.par[0].edge_heading_sigma)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:

@@ -155,8 +155,6 @@ def _decay_slow_states(model: Record, history: History, ctx: Context, link: Link
     f[D, D] = kept
     model.mu[D] = lane_mean(ctx, edge) + kept * (mean[D] - then_lane)
     q[D] = (1.0 - kept * kept) * sigma * sigma
-    if edge != OFF_ROAD and then_edge != OFF_ROAD:
-        q[D] += (lane_mean(ctx, edge) - then_lane) ** 2
     kept = keep_map(par, then.map_rate, motion.map_aged)
     slower = max(1.0, math.sqrt(mean[GX] ** 2 + mean[GY] ** 2) / 3.0)
     gnss_kept = math.exp(-motion.gnss_aged / (par.gnss_time * slower))

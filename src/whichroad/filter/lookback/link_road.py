@@ -129,7 +129,9 @@ def move_with_lane(model: Record, kept: float, lanes: tuple[float, float, float]
     model.mu[Y] += model.scale * ny * shift
     model.f[X, D] += share * nx
     model.f[Y, D] += share * ny
-    variance = (1.0 - kept * kept) * sigma * sigma + (new - old) ** 2
+    moves = (new - old) ** 2
+    variance = (1.0 - kept * kept) * sigma * sigma + moves
+    model.q[D] += moves
     model.q[X] += variance * nx * nx
     model.q[Y] += variance * ny * ny
     model.cov[X, Y] += variance * nx * ny
