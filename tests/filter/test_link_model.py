@@ -11,7 +11,11 @@ import pytest
 
 from scenes import network
 from scenes.links import Link, Motion, Moved, motion
-from whichroad.filter.state import CLOCK, DISTANCE, GX, GY, WHEELS
+from strategies import random_gaussian
+from whichroad.filter.hypotheses.lane_offset import change_lane, kept_lane
+from whichroad.filter.lookback.link_motion import LINK_MODEL
+from whichroad.filter.lookback.link_road import move_with_lane
+from whichroad.filter.state import CLOCK, DISTANCE, GX, GY, WHEELS, D, H, N, X, Y
 
 STRAIGHT = [[0.0, 0.0], [1000.0, 0.0]]
 BENT, SMOOTH = (  # radius 500 m, vertices 10 m apart; 1 m, so that its chord turns evenly
@@ -124,3 +128,24 @@ def test_what_the_error_of_a_receiver_was_given_is_process_noise():
     expected = np.zeros_like(more)
     expected[GX, GX] = expected[GY, GY] = 4.0
     np.testing.assert_allclose(more, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.24, 0.5])
+def test_who_comes_to_a_road_of_other_lanes_is_moved_across_it_as_by_the_filter(turn: float):
+    """Mean, F and Q of the lane offset and of the place."""
+    old, new, sigma, heading = 0.0, 1.75, 0.6, 0.7
+    g = random_gaussian(np.random.default_rng(3))
+    kept = kept_lane(turn)
+    model = np.zeros(1, LINK_MODEL).view(np.recarray)[0]
+    model.scale, model.then_mean[:], model.mu[:] = 1.0, g.mean, g.mean
+    model.mu[H] = heading
+    model.f[:] = np.eye(N)
+    model.f[D, D] = kept
+    model.q[D] = (1.0 - kept * kept) * sigma * sigma
+    move_with_lane(model, kept, (old, new, sigma))
+    q = np.diag(model.q) + model.cov + model.cov.T
+    cov = model.f @ g.cov @ model.f.T + q
+    tangent = np.cos(heading), np.sin(heading)
+    change_lane(g.mean, g.cov, turn, (old, new, sigma), tangent, 1.0)
+    np.testing.assert_allclose(model.mu[[X, Y]], g.mean[[X, Y]], atol=1e-9)
+    np.testing.assert_allclose(cov, g.cov, atol=1e-9)
