@@ -96,10 +96,15 @@ def keep_about(about: float, way: float, bent: float) -> tuple[float, float]:
 
 
 @kernel
-def _renew_about_road(state: Record, usual: float) -> None:
-    """The variance of headings about roads is that of the last epoch, `usual` rad at least."""
+def _renew_about_road(state: Record, usual: float, way: float) -> None:
+    """The variance of headings about roads is that of the last epoch, `usual` rad at least.
+
+    What is left of it where several epochs make a step is the mean over the last metres.
+    """
     state.about_road[0] = max(state.about_road[1], usual * usual)
     state.about_road[1] = 0.0
+    new = 1.0 - math.exp(-2.0 * abs(way) / _WOBBLE)
+    state.about_road[2] += new * (state.about_road[0] - state.about_road[2])
 
 
 @kernel(inline=True)
@@ -232,7 +237,8 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         Whether anything branched.
     """
     changed = False
-    _renew_about_road(belief.state[0], ctx.par[0].edge_heading_sigma)
+    usual = ctx.par[0].edge_heading_sigma
+    _renew_about_road(belief.state[0], usual, odometer * belief.state[0].speed)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:

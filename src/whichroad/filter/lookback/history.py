@@ -65,6 +65,7 @@ STEP = np.dtype(
         ("departure", DEPARTURE),  # of a fix that has left a vehicle whose odometer stands
         ("unmapped", UNMAPPED),  # of fixes that lie beside the road
         ("gross", GROSS),  # of a receiver that may be right where it is thought to be far off
+        ("about_road", "f8"),  # variance of headings about roads on the way to it, rad²
         ("level_tail", "f8"),  # sigmas of levels over those of Gaussians; 1 beside wheels
         ("dropped", DROPPED),  # ways between sparse fixes that nobody follows
         ("speed_sigma", "f8"),  # of the vehicle between sparse fixes (filter.sparse.driver)
@@ -270,8 +271,7 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     step.speed = state.speed
     step.last_fix = state.last_fix
     step.misfits, step.misfit = state.misfits, state.vetting.misfit
-    step.elsewhere[0] = state.elsewhere[0]
-    step.elsewhere[1] = state.elsewhere[1]
+    step.elsewhere[0], step.elsewhere[1] = state.elsewhere[0], state.elsewhere[1]
     step.standing = state.standing
     step.gnss_factor = state.gnss_factor
     copy_record(step.departure, state.separation.departure)
@@ -279,7 +279,7 @@ def store(belief: Belief, history: History, k: int, changed: bool, leave: float)
     copy_record(step.dropped, state.separation.dropped)
     copy_record(step.gross, state.separation.gross)
     step.level_tail = state.level_tail if state.mode != WHEELS else 1.0
-    step.speed_sigma = state.driver.speed_sigma
+    step.speed_sigma, step.about_road = state.driver.speed_sigma, state.about_road[2]
     step.map_factor = state.map.factor
     step.map_rate = state.map.rate
     for a in range(2):

@@ -232,7 +232,7 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     add_road_noise(model, Noise(along, across, usual, rate, 0.0, cross))
     _change_lane(model, ctx, then.edge, edge)
     if motion.drawn and motion.mode == CLOCK:
-        wobble(model, advance, bent, usual)
+        wobble(model, advance, bent, history.steps[link.step].about_road)
     elif not motion.drawn:
         keep_heading(model, history, ctx.roads, link)
     return True

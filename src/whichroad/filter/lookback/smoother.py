@@ -36,6 +36,7 @@ _NO_POSE = 1e-6  # weight of a link up to which it does not move the pose
 _LEAST = 1e-12  # probability up to which a node is left out of the estimate
 _UNSEEN = 0.5 * _LEAST  # the same before probabilities are made to sum to one
 _STANDS = 0.05  # m/s
+_WIDER = 9.0  # variance over the filtered one, from which on a smoothed pose is not believed
 
 
 class SmootherBuffers(NamedTuple):
@@ -138,12 +139,16 @@ def _smooth_pose(
 
 @kernel(inline=True)
 def _restore_state(node: Record, model: Record) -> None:
-    """From deviations to a state; one whose covariance is none stays as filtered."""
+    """From deviations to a state; one whose covariance is none stays as filtered.
+
+    What is known later makes a place surer.  One far less sure has a motion not modelled here.
+    """
     mean = node.mu
     cov = node.cov
     sound = True
     for a in range(N):
         sound = sound and cov[a, a] >= 0.0
+        sound = sound and (a > H or cov[a, a] <= _WIDER * model.then_cov[a, a])
     sound = sound and cov[X, X] * cov[Y, Y] > cov[Y, X] ** 2
     if sound:
         mean[X] *= model.scale
@@ -266,8 +271,7 @@ def as_belief(buffers: SmootherBuffers, history: History, step: int, slot: int) 
     state.standing = then.standing
     state.gnss_factor = then.gnss_factor
     _restore_faults(state, then)
-    state.map.factor = then.map_factor
-    state.map.rate = then.map_rate
+    state.map.factor, state.map.rate = then.map_factor, then.map_rate
     state.map.whole[0] = then.map_mean[0]
     state.map.whole[1] = then.map_mean[1]
 
