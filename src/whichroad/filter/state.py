@@ -120,11 +120,7 @@ FILTER = np.dtype(
         ("changed", "u1"),  # 1: weights or edges changed in this epoch
         ("observed", "u1"),  # 1: its fix was observed
         ("knows_heading", "u1"),  # 1: the heading is the vehicle's own, and not the road's
-        (
-            "about_road",
-            "f8",
-            (3,),
-        ),  # variance of headings about roads, rad²; of the next epoch; mean
+        ("about_road", "f8", (3,)),  # variance of headings about roads, rad²: now, next, mean
         ("course_time", "f8"),  # of the last course over ground, s
         ("heading_time", "f8"),  # of the last heading that a further sensor told, s
         ("forward_time", "f8"),  # of the last truncation to forward speeds, s
