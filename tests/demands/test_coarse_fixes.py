@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import whichroad
+from demands import town
 from demands.town import PLANE, along, fixes
 from whichroad.simulate import MapBuilder
 
@@ -55,3 +56,56 @@ def test_what_was_dropped_is_forgotten_once_fine_fixes_come_often(lag):
     fine = points[-200:]
     assert fine.p_off_road.max() < 0.1
     assert fine.protection_level_m.median() < 40.0
+
+
+ROUND = [
+    "00",
+    "02",
+    "22",
+    "20",
+    "40",
+    "44",
+    "24",
+    "22",
+    "02",
+    "04",
+    "44",
+    "40",
+    "10",
+    "14",
+    "34",
+    "30",
+    "00",
+    "04",
+    "24",
+    "20",
+    "40",
+    "42",
+    "12",
+    "10",
+    "30",
+    "33",
+    "03",
+    "00",
+]
+
+
+@pytest.mark.parametrize("every", [1.0, 5.0, 10.0])
+@pytest.mark.parametrize("sigma", [80.0, 150.0])
+def test_places_are_surer_than_honest_fixes_of_a_hundred_metres(sigma: float, every: float):
+    way = town.corners(*ROUND)
+    _, place = along(way, 9.0, every)
+    error, fix, inside = [], [], []
+    for seed in range(4):
+        table = fixes(way, speed=9.0, every=every, sigma=sigma, seed=seed, white=True)
+        points = whichroad.match(table, town.roads()).points
+        x, y = PLANE.from_geodetic(points.lat.to_numpy(), points.lon.to_numpy())
+        dx, dy = np.array([x, y]) - place.T
+        error.append(np.hypot(dx, dy))
+        fix.append(np.hypot(*(np.array(PLANE.from_geodetic(table["lat"], table["lon"])) - place.T)))
+        xx, xy, yy = points.cov_ee_m2, points.cov_en_m2, points.cov_nn_m2
+        chi2 = (dx * dx * yy - 2.0 * dx * dy * xy + dy * dy * xx) / (xx * yy - xy * xy)
+        inside.append(chi2 < 5.99)
+        assert (np.hypot(dx, dy) < points.protection_level_m).mean() > 0.995
+    assert np.square(error).mean() < 0.7**2 * np.square(fix).mean()
+    assert np.mean(inside) > 0.87

@@ -207,6 +207,13 @@ def test_a_truncated_gaussian_lies_in_its_interval(low: float, width: float):
     assert 0.0 < variance <= 1.0
 
 
+@pytest.mark.parametrize("high", [-1.0, -1.9, -2.0 - 1e-12, -4.0])
+def test_an_interval_whose_ends_have_changed_places_moves_nothing_far_away(high: float):
+    mean, variance = truncated_moments(0.0, 1.0, -2.0, high)
+    assert -4.0 <= mean <= 0.0
+    assert 0.0 < variance <= 1.0
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_tail_beyond_five_sigma_joins_on_without_a_jump(side: float):
     ends = [sorted((side * a, side * (a + 10.0))) for a in (4.999, 5.001)]

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from scenes import (
@@ -174,6 +174,7 @@ def test_offsets_across_the_road_tell_how_much_of_the_error_is_new_with_every_fi
     is_junction=st.booleans(),
     driven=st.sampled_from([1.0, 80.0, 900.0, 1e6]),
 )
+@example(s=-23.0, sigma=14.0, length=39.0, is_junction=True, driven=1.0)
 def test_the_moments_of_a_place_on_an_edge_are_those_of_its_density(
     s: float, sigma: float, length: float, is_junction: bool, driven: float
 ):
@@ -202,6 +203,13 @@ def before_the_node(lines: list[np.ndarray]) -> float:
     rows = fixes(np.array([[100.0, 0.0], [300.0, 0.0]]), np.array([0.0, 30.0]))
     *_, (_, belief, _) = steps(network(lines), rows, mode=CLOCK)
     return float(living(belief).weight[living(belief).edge == 0].sum())
+
+
+@pytest.mark.parametrize("s", [-900.0, 900.0])
+def test_who_is_far_off_an_edge_has_moments_there(s: float):
+    found = moments_on_edge(s, 5.0, 40.0, True, 80.0)
+    assert np.isfinite(found).all()
+    assert found[0] >= 0.0
 
 
 def test_vehicles_stand_before_junctions():

@@ -47,6 +47,7 @@ _CORNER_SIGMA = 3.0  # m/rad, of the distance driven in a corner
 _WOBBLE, _CORNERED = 5.0, 0.3  # m, rad of the road's turn, over which a heading about it lasts
 _REDRAWN = 0.03  # of it, below which nothing is kept
 _FULL_TURN = 1.6  # rad, cap of a corner
+_SPENT = 1e-5  # P(before the bound) below which a Gaussian is cut there
 _FORWARD_EVERY = 0.95  # s between truncations of the speed
 _REVERSE = -0.5  # m/s, lowest speed without odometry
 
@@ -96,14 +97,14 @@ def keep_about(about: float, way: float, bent: float) -> tuple[float, float]:
 
 
 @kernel
-def _renew_about_road(state: Record, usual: float, way: float) -> None:
-    """The variance of headings about roads is that of the last epoch, `usual` rad at least.
+def _renew_about_road(state: Record, par: Record, odometer: float) -> None:
+    """The variance of headings about roads is that of the last epoch, the usual one at least.
 
     What is left of it where several epochs make a step is the mean over the last metres.
     """
-    state.about_road[0] = max(state.about_road[1], usual * usual)
+    state.about_road[0] = max(state.about_road[1], par.edge_heading_sigma**2)
     state.about_road[1] = 0.0
-    new = 1.0 - math.exp(-2.0 * abs(way) / _WOBBLE)
+    new = 1.0 - math.exp(-2.0 * abs(odometer * state.speed) / _WOBBLE)
     state.about_road[2] += new * (state.about_road[0] - state.about_road[2])
 
 
@@ -237,8 +238,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         Whether anything branched.
     """
     changed = False
-    usual = ctx.par[0].edge_heading_sigma
-    _renew_about_road(belief.state[0], usual, odometer * belief.state[0].speed)
+    _renew_about_road(belief.state[0], ctx.par[0], odometer)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
@@ -267,8 +267,9 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
             changed = True
             _pass_beyond(belief, path, ctx, i, share, to, noise)
             hyp.bound = length
-        _move_to(belief, ctx, i, to, noise, -NO_BOUND, NO_BOUND)
-        hyp.bound += hyp.along - s
+        spent = hyp.p_not_passed < _SPENT  # nothing else fits, and it is still before its bound
+        _move_to(belief, ctx, i, to, noise, -NO_BOUND, hyp.bound if spent else NO_BOUND)
+        hyp.bound += 0.0 if spent else hyp.along - s
         hyp.p_not_passed = p_within(hyp)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]

@@ -236,7 +236,9 @@ def truncated_moments(mean: float, sigma: float, low: float, high: float) -> tup
         return max(high - 0.2 * sigma, 0.5 * (low + high)), 0.04 * sigma * sigma
     pa = 0.0 if a < -8.0 else math.exp(-0.5 * a * a) * 0.3989422804014327
     pb = 0.0 if b > 8.0 else math.exp(-0.5 * b * b) * 0.3989422804014327
-    z = max(normal_cdf(b) - normal_cdf(a), 1e-12)
+    z = normal_cdf(b) - normal_cdf(a)
+    if z < 1e-9:  # nothing lies between, or the ends have changed places
+        return min(max(mean, min(low, high)), max(low, high)), 0.04 * sigma * sigma
     shift = (pa - pb) / z
     a_term = 0.0 if a < -8.0 else a * pa
     b_term = 0.0 if b > 8.0 else b * pb

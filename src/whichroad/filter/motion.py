@@ -50,6 +50,14 @@ class Noise(NamedTuple):
     cross: float  # covariance of κ and the abscissa
 
 
+class ChordMoments(NamedTuple):
+    """Of the chord of a way of one metre, in the frame of the mean heading at its beginning."""
+
+    mean: float  # along
+    along: float  # mean square
+    across: float
+
+
 @kernel
 def arc_chord(arc: float, turn: float) -> tuple[float, float]:
     """Displacement of M in its own frame after an arc (equation 1).
@@ -248,6 +256,28 @@ def predict_plane(mean: Vector, cov: Matrix, step: Increment, scale: float, q: N
         cov[Y, K] += q.cross * s
         cov[K, X] = cov[X, K]
         cov[K, Y] = cov[Y, K]
+
+
+@kernel
+def chord_moments(heading: float, walked: float) -> ChordMoments:
+    """Moments of the chord of a way whose heading is not known, for a way of one metre.
+
+    The heading is Gaussian at first, and walks at random along the way.  By θ̄, the mean heading
+    over the way, of variance w, and g, the mean square of the chord,
+
+        E[chord] = exp(−σ²/2) (1 − exp(−a)) / a =: m,     a = q / 2,
+        g = 2 (a − 1 + exp(−a)) / a²,
+        E[along²] = g (1 + exp(−2w)) / 2,   E[across²] = g (1 − exp(−2w)) / 2
+
+    Args:
+        heading: σ², variance at first, rad².
+        walked: q, what is added to it over the way, rad².
+    """
+    a = max(0.5 * walked, 1e-4)
+    mean = math.exp(-0.5 * heading) * (1.0 - math.exp(-a)) / a
+    square = 2.0 * (a - 1.0 + math.exp(-a)) / (a * a)
+    twice = math.exp(-2.0 * (heading + walked / 3.0))
+    return ChordMoments(mean, 0.5 * square * (1.0 + twice), 0.5 * square * (1.0 - twice))
 
 
 @kernel

@@ -30,7 +30,7 @@ def watch_roads(belief: Belief, ctx: Context) -> None:
     if belief.state[0].changed == 1 and not ctx.par[0].paper:
         watch_fixes(belief, ctx)
     if belief.state[0].observed == 1 and belief.state[0].motion != ROUTES:
-        forget_dropped(belief.state[0])
+        forget_dropped(belief, ctx)
     _count_way(belief, ctx)
 
 

@@ -247,6 +247,21 @@ def closest(roads: Roads, x: float, y: float, radius: float, found: Candidates) 
     return n
 
 
+@kernel
+def share_beyond(found: int, near: Candidates, sigma: float) -> float:
+    """P that the vehicle is farther off than all roads near, where these are too many to follow.
+
+    Args:
+        found: So many are known.
+        near: (n,), closest first.
+        sigma: Of the place about which they are near, of each axis, m.
+    """
+    if found < len(near):
+        return 0.0
+    far = near[found - 1].distance / sigma
+    return math.exp(-0.5 * far * far)
+
+
 @kernel(inline=True)
 def _limit_of(n: int, found: Candidates, beyond: float, limit: float) -> float:
     """Squared distance up to which `closest_few`, having found n feet, may take another one."""

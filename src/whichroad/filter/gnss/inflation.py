@@ -11,6 +11,7 @@ import math
 from ..._compile import Record, Vector, kernel
 from ..state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
 
+COARSE = 40.0  # m, sigma of a fix about which the roads of a town are too many to follow them all
 NEVER = 1e9  # s, adaptation times beyond this mean: never
 FILTERED = 0.3  # m/s; a speed whose sigma is not smaller may come out of a filter
 _SPEED_INTERVAL = 2.5  # s, up to which speeds tell what was driven in between
@@ -21,6 +22,7 @@ _FREEDOM_WHEELS = 8.0  # and beside wheels, which soon know more
 _ONE_MORE = 3.0  # s beside wheels, in which another degree of freedom is learnt
 _REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
 _WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
+_REFLECTED = 20.0  # m, up to which a reported sigma may be a multiple too small
 _LARGEST = 15.0  # m, and
 _MOST = 400.0  # beside wheels, of the factor
 _PAUSE = 5.0  # s between two starts at its fixes
@@ -61,6 +63,16 @@ def is_vouched(state: Record, epoch: Record) -> bool:
 
 
 @kernel
+def inflation_of(par: Record, fix: Vector) -> float:
+    """The factor on the reported variance of a receiver that nothing vouches for, at first.
+
+    What it does not report is of some metres: reflections.  A coarse fix is that already.
+    """
+    reported = 0.5 * (fix[2] ** 2 + fix[3] ** 2)
+    return float(1.0 + (par.gnss_inflation**2 - 1.0) * min(_REFLECTED**2 / reported, 1.0))
+
+
+@kernel
 def most_factor(state: Record, par: Record, fix: Vector) -> float:
     """The largest factor on reported variances that is learnt.
 
@@ -70,7 +82,7 @@ def most_factor(state: Record, par: Record, fix: Vector) -> float:
     if state.mode == WHEELS:
         return _MOST
     reported = 0.5 * (fix[2] ** 2 + fix[3] ** 2)
-    return float(min(max(par.gnss_inflation**2, _LARGEST**2 / reported), _MOST))
+    return float(min(max(inflation_of(par, fix), _LARGEST**2 / reported), _MOST))
 
 
 @kernel

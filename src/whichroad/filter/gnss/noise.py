@@ -20,7 +20,7 @@ from ..state import (
     most_probable,
 )
 from .bias import FAULT, is_solved
-from .inflation import NEVER, is_inflated, is_vouched, learn_by_roads, most_factor, tail_of
+from .inflation import COARSE, NEVER, is_inflated, is_vouched, learn_by_roads, most_factor, tail_of
 from .position import NU0, NU1, V00, V11
 
 _MOST = 9.0  # cap of one fix's contribution to the factor, relative to its expectation
@@ -34,12 +34,14 @@ _SMOOTHING = 15.0  # s, of the reported covariance that scales the bias
 _PRIOR_TIME = 5.0  # prior weight of the factor, in s of fixes
 _BIAS_TIME, _BIAS_PRIOR = 300.0, 60.0  # s; forgetting and prior of the factor by biases
 _RECENT = 10.0  # s, longest interval that one fix counts for
-_NEXT = 2.5  # s, longest interval whose second difference is white noise
+_NEXT = 2.5  # s, longest interval whose second difference is white noise,
+_BRISK = 15.0  # m/s, or the reported sigma over this: the way is little beside the errors
 _STRAIGHT = 0.35  # rad; largest turn between roads across which offsets are compared
 _SURE = 0.8  # P of the road across which offsets are compared
 _WHITE_PRIOR = 0.5  # white variance over the reported one of sparse fixes, before it is seen
 _PRIOR_COUNT = 4.0  # prior sample count, in differences of fixes
 _REMEMBERED = 15.0  # differences of fixes that are averaged at least
+_COARSE_BIAS, _COARSE_WHITE = 0.3, 0.8  # the same of the variance, and sigma, of coarse ones
 _LEAST_BIAS = 0.1  # share of the bias in the variance of fixes, at least
 
 
@@ -312,7 +314,8 @@ def observe_white(
     two = state.fix_2
     last = epoch.time - one[2]
     first = one[2] - two[2]
-    if 0.05 < last < _NEXT and 0.05 < first < _NEXT:
+    near = max(_NEXT, fix[2] / _BRISK)
+    if 0.05 < last < near and 0.05 < first < near:
         a = last / first
         ex = (fix[0] - (1.0 + a) * one[0] + a * two[0]) / state.scale
         ey = (fix[1] - (1.0 + a) * one[1] + a * two[1]) / state.scale
@@ -328,8 +331,10 @@ def observe_white(
     one[0] = fix[0]
     one[1] = fix[1]
     one[2] = epoch.time
-    if is_inflated(state, par, epoch):
+    if is_inflated(state, par, epoch) and fix[2] < COARSE:
         return factor, math.sqrt(max(state.white_factor, par.gnss_white_ratio**2))
+    if fix[2] >= COARSE and last > _NEXT:  # much of what they err by is new
+        return _COARSE_BIAS * factor, max(math.sqrt(state.white_factor), _COARSE_WHITE)
     more = state.white_factor - white * white
     if more > 0.0 and par.gnss_adapt_time < NEVER:  # less of the error is bias
         factor = max(factor - more, _LEAST_BIAS * factor)

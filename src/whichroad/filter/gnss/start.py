@@ -7,12 +7,11 @@ from ..gyro import restart
 from ..hypotheses.births import Start, cold_start
 from ..map_error import forget_map
 from ..state import CLOCK, WHEELS, Belief, Context, Path, X, Y
-from .inflation import is_inflated, tail_of
+from .inflation import COARSE, inflation_of, is_inflated, tail_of
 from .noise import update_root
 from .position import has_course
 from .sides import keep_bias
 
-COARSE = 40.0  # m, sigma of a fix about which the roads of a town are too many to follow them all
 _FINER = 3.0  # times
 _LONG_WAY = 100.0  # m without a fix, behind which hypotheses may be anywhere:
 _ANYWHERE, _FINE = 150.0, 10.0  # m, least sigma of them, and over that of the fix
@@ -61,7 +60,7 @@ def begin_factor(state: Record, par: Record, epoch: Record) -> None:
     state.innovation_factor = least * par.gnss_start**2
     state.windowed_factor = least
     state.bias_factor = least
-    state.road_prior = par.gnss_inflation**2
+    state.road_prior = inflation_of(par, epoch.fix)
     state.road_energy[0] = state.road_energy[1] = 0.0
     if is_inflated(state, par, epoch):
         state.gnss_factor = state.road_prior
@@ -106,7 +105,7 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
     par = ctx.par[0]
     state = belief.state[0]
-    if state.gnss_factor == 0.0:
+    if state.gnss_factor == 0.0 or is_far_finer(state, epoch):
         begin_factor(state, par, epoch)
     forget_map(state)
     start = start_of(belief, ctx, epoch)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ..._compile import Record, Vector, entry, kernel
 from ...graph.geometry import HALF_CHORD, chord_heading, project, wrap
-from ...graph.index import near, vertex_at
+from ...graph.index import near, share_beyond, vertex_at
 from ...graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..beside import STARTS, p_apart
 from ..gaussian import normal_cdf
@@ -145,12 +145,12 @@ def cold_start(
         for i in range(kept):
             rescale(belief.hyp[i], 1.0 - total)
     state.count = kept
-    found, towards = _start_on_roads(belief, ctx, fix, start, towards)
+    found, towards, beyond = _start_on_roads(belief, ctx, fix, start, towards)
     n = int(state.count)
     mass = 0.0
     for i in range(kept, n):
         mass += math.exp(belief.hyp[i].log_weight)
-    off_road = ctx.par[0].off_road_start
+    off_road = max(ctx.par[0].off_road_start, beyond)
     share = math.log(total * (1.0 - off_road) / mass) if mass > 0.0 else 0.0
     for i in range(kept, n):
         belief.hyp[i].log_weight += share
@@ -165,13 +165,14 @@ def cold_start(
 @kernel(inline=True)
 def _start_on_roads(
     belief: Belief, ctx: Context, fix: Vector, start: Start, towards: float
-) -> tuple[int, float]:
+) -> tuple[int, float, float]:
     """Append a hypothesis on each road near.
 
     Without odometry the heading may be that of an earlier drive: receivers and phones begin so.
 
     Returns:
-        How many are near; the nearest one's heading, or `towards` where there is none.
+        How many are near; the nearest one's heading, or `towards` where there is none; P that it
+        is farther off than all of them.
     """
     par = ctx.par[0]
     roads = ctx.roads
@@ -212,7 +213,7 @@ def _start_on_roads(
         own_all(hyp, road.length)
         hyp.log_weight = math.log(mass)
         state.count += 1
-    return found, towards
+    return found, towards, share_beyond(found, ctx.work.near, sigma)
 
 
 @kernel(inline=True)

@@ -4,11 +4,11 @@ import math
 from typing import NamedTuple
 
 from ..._compile import Record, kernel
-from ...graph.index import closest
+from ...graph.index import closest, share_beyond
 from ...graph.network import Roads
 from ...graph.route_costs import cost_factor
 from ...graph.route_search import Query
-from ..gnss.inflation import bias_time
+from ..gnss.inflation import COARSE, bias_time
 from ..map_error import map_variance
 from ..road import track
 from ..speed_process import SpeedProcess, speed_process
@@ -21,6 +21,8 @@ _SLOW_TAIL = 2.0  # and where it is shorter than expected
 EXCESS_SPEED = 1.3  # possible speed over the usual one
 _U_TURN = 5.0  # nats, of turning round between junctions; twice that into a one-way
 SPAN = 4.0  # sigmas within which roads and distances are considered
+P_ELSEWHERE = 0.1  # P that a vehicle on one of too many roads is not where it was foreseen
+LEAST_ELSEWHERE, KNOWN = 0.02, 25.0  # and at least, where that is not known to so many m
 _REACH = 100.0  # m, added to the longest route
 _LABELS = 3000  # of one search
 
@@ -45,6 +47,7 @@ class SparseFix(NamedTuple):
     dt: float  # s since the last epoch
     process: SpeedProcess
     found: int  # candidates, in `work.near`
+    beyond: float  # P that it is farther off than all of them
     pace: float  # speed over the usual one
     per_metre: float  # what a metre of a detour costs, nats
 
@@ -104,6 +107,39 @@ def on_map(hyp: Record, state: Record, x: float, y: float, bias_keep: float) -> 
     )
 
 
+class Disc(NamedTuple):
+    """About where the vehicle is, in the map's frame."""
+
+    x: float  # m, plane
+    y: float
+    sigma: float  # m, of each axis
+
+
+@kernel
+def _foreseen(belief: Belief, about: Disc, process: SpeedProcess) -> Disc:
+    """About where a coarse fix and the way from where the vehicle was say that it is.
+
+    Within some sigmas of the fix alone are more roads than can be followed.
+    """
+    state = belief.state[0]
+    x = y = square = reach = 0.0
+    for i in range(state.count):
+        hyp = belief.hyp[i]
+        east, north = hyp.mu[X] + state.scale * hyp.mu[MX], hyp.mu[Y] + state.scale * hyp.mu[MY]
+        x += hyp.weight * east
+        y += hyp.weight * north
+        square += hyp.weight * ((east - about.x) ** 2 + (north - about.y) ** 2)
+        reach += hyp.weight * (hyp.cov[X, X] + hyp.cov[Y, Y] + 2.0 * process.variance)
+        speed = hyp.mu[K] * process.distance_by_speed
+        reach += hyp.weight * speed * speed
+    square -= (x - about.x) ** 2 + (y - about.y) ** 2
+    before = 0.5 * (square / state.scale**2 + reach)
+    share = before / (before + about.sigma**2)
+    return Disc(
+        x + share * (about.x - x), y + share * (about.y - y), math.sqrt(share) * about.sigma
+    )
+
+
 @kernel(inline=True)
 def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> SparseFix:
     """Find the roads near a fix, into `work.near`."""
@@ -117,13 +153,24 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     sigma = math.sqrt(factor * fix[2] ** 2 + map_variance(state, par))
     white = max(state.white_factor, state.gnss_factor * ratio)
     jitter = math.sqrt(white + state.gnss_factor * (1.0 - keep * keep)) * fix[2]
-    radius = SPAN * sigma + 3.0
-    found = closest(ctx.roads, x, y, radius, ctx.work.near)
     driver = state.driver
     process = speed_process(dt, driver.speed_sigma)
+    about = Disc(x, y, sigma)
+    elsewhere = 0.0
+    if fix[2] >= COARSE:
+        found = closest(ctx.roads, x, y, SPAN * sigma + 3.0, ctx.work.near)
+        elsewhere = P_ELSEWHERE * share_beyond(found, ctx.work.near, sigma)
+        about = _foreseen(belief, about, process)
+        if about.sigma <= KNOWN:
+            elsewhere = 0.0
+        elif state.reported[1] >= COARSE:  # so was the one before
+            elsewhere = max(elsewhere, LEAST_ELSEWHERE)
+    radius = SPAN * about.sigma + 3.0
+    found = closest(ctx.roads, about.x, about.y, radius, ctx.work.near)
+    beyond = max(share_beyond(found, ctx.work.near, about.sigma), elsewhere)
     return SparseFix(
-        fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, process, found, driver.pace,
-        1.0 / likely_excess(dt),
+        fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, process, found, beyond,
+        driver.pace, 1.0 / likely_excess(dt),
     )  # fmt: skip
 
 
@@ -143,7 +190,7 @@ def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
         process = speed_process(dt, process.sigma)
     return SparseFix(
         fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
-        process, fix.found, pace, per_metre,
+        process, fix.found, fix.beyond, pace, per_metre,
     )  # fmt: skip
 
 

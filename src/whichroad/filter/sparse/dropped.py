@@ -9,12 +9,15 @@ they come more often, in some seconds.
 import math
 
 from ..._compile import Record, kernel
+from ...graph.index import closest, share_beyond
 from ...graph.labels import Search
-from ..state import Belief, Context
-from .candidates import SparseFix
+from ..gnss.inflation import COARSE
+from ..state import CLOCK, Belief, Context, X, Y, heaviest
+from .candidates import KNOWN, LEAST_ELSEWHERE, P_ELSEWHERE, SPAN, SparseFix
 
 _KEPT = 0.5  # of what was dropped before, at the next fix,
 _LASTS = 3.0  # s, and for which it is remembered where fixes come more often
+_VAGUE = 100.0  # m, sigma of fixes by which alone no road is sure
 _LEAST = 1e-5  # share of the likelihood that is not noted
 _BEFORE = 0.1  # of what was dropped later, at the fix before: most of it came from the same way
 
@@ -54,9 +57,7 @@ def note_dropped(belief: Belief, ctx: Context, fix: SparseFix, whole: float, fir
         for p in range(search.run[0].pairs):
             if not _is_followed(belief, first, ctx.work.near[search.pair[p].goal].edge):
                 left += math.exp(search.pair[p].score - search.run[0].best_score) / whole
-    if fix.found >= len(ctx.work.near):
-        far = ctx.work.near[fix.found - 1].distance / fix.sigma
-        left += (1.0 - left) * math.exp(-0.5 * far * far)
+    left += (1.0 - left) * fix.beyond
     dropped = belief.state[0].separation.dropped
     dropped.p = left + (1.0 - left) * _KEPT * dropped.p
     dropped.sigma = fix.sigma
@@ -64,12 +65,25 @@ def note_dropped(belief: Belief, ctx: Context, fix: SparseFix, whole: float, fir
 
 
 @kernel
-def forget_dropped(state: Record) -> None:
-    """A fix that no ways were searched for: the roads decide from fix to fix again."""
+def forget_dropped(belief: Belief, ctx: Context) -> None:
+    """A fix that no ways were searched for: the roads decide from fix to fix again.
+
+    By coarse ones too many roads are likely for all of them to be followed.
+    """
+    state = belief.state[0]
     dropped = state.separation.dropped
     if dropped.p > 0.0:
         dropped.p *= math.exp(-max(state.time - dropped.time, 0.0) / _LASTS)
         dropped.time = state.time
+    sigma = state.reported[1]
+    cov = belief.hyp[heaviest(belief)].cov
+    known = 0.5 * (cov[X, X] + cov[Y, Y]) < KNOWN * KNOWN
+    if state.mode == CLOCK and sigma >= COARSE and not known:
+        near = ctx.work.near
+        found = closest(ctx.roads, state.fix_1[0], state.fix_1[1], SPAN * sigma, near)
+        least = LEAST_ELSEWHERE if sigma >= _VAGUE else 0.0
+        dropped.p = max(dropped.p, P_ELSEWHERE * share_beyond(found, near, sigma), least)
+        dropped.sigma = sigma
 
 
 @kernel

@@ -5,7 +5,8 @@ import math
 from ..._compile import Record, kernel
 from ...graph.geometry import locate
 from ...graph.index import vertex_at
-from ..gaussian import normal_cdf
+from ..gaussian import normal_cdf, update_state
+from ..motion import Increment, Noise, chord_moments, predict_plane
 from ..slow_states import decay
 from ..state import (
     CAPACITY,
@@ -32,12 +33,15 @@ from .driver import SPEED_SIGMA, forget_leg
 from .parked import is_parked
 
 _LEAST_SPEED, _MOST_SPEED = 5.0, 70.0  # m/s
+_TURNS = 0.09  # rad²/s, random walk of the heading
+_ANY_HEADING = 2.5  # rad², variance of one of which nothing is known
 _TAIL = 0.3  # least variance of an axis over the square of the way to the fix
 _CHORD = 0.15  # sigma of the speed between two fixes over that of the straight line, relative
 
 _BY_CHANCE = 2.0  # nats at most for being beside a road without being on one
 _LEAVE = 0.1  # rate of leaving the roads between sparse fixes, over the usual one
 _MOST_LEAVE = 0.3  # probability of it
+_FOLLOWED = 32.0  # roads that are followed from there; of more, it stands for the rest
 _RETURN = 0.5  # probability of returning from off-road to the roads at the next fix
 _LEAST = 1e-5  # least weight of a returning hypothesis
 _FAR_ABOVE = 3.0  # nats
@@ -56,29 +60,49 @@ def _prior_mass(ctx: Context, c: int, sigma: float) -> float:
 
 
 @kernel(inline=True)
+def _learn_speed(hyp: Record, state: Record, fix: SparseFix, straight: float) -> None:
+    """The speed by the straight line to the fix, where the heading tells nothing of it."""
+    mean = hyp.mu
+    jitter = 2.0 * fix.jitter * fix.jitter
+    square = ((fix.x - mean[X]) ** 2 + (fix.y - mean[Y]) ** 2) / state.scale**2
+    way = math.sqrt(max(square - jitter, 0.0))
+    speed = min(way / fix.dt, _MOST_SPEED)
+    noise = (_CHORD * speed) ** 2 + 1.0 + jitter / fix.dt**2 * (1.0 + jitter / max(square, 1.0))
+    noise /= max(1.0 - straight, 0.01)
+    update_state(mean, hyp.cov, K, speed - mean[K], noise, state.scale)
+
+
+@kernel(inline=True)
 def _predict_off_road(hyp: Record, state: Record, fix: SparseFix) -> None:
     """Off the roads any motion towards the fix is possible that a vehicle or a train can make.
 
-    Its speed is learnt from the straight line to the fix: no road tells it there.
+    It drives on by its speed and its heading, which walks at random.  Over many seconds nothing
+    is left of that, and any direction is as likely.
     """
     mean = hyp.mu
     cov = hyp.cov
     process = fix.process
-    dx = (fix.x - mean[X]) / state.scale
-    dy = (fix.y - mean[Y]) / state.scale
-    reach = max(mean[K], _LEAST_SPEED) * fix.dt
-    way = max(math.hypot(dx, dy) - 2.0 * fix.jitter, 0.0)
-    way = min(way, _MOST_SPEED * fix.dt)
-    variance = max(0.5 * reach * reach, _TAIL * way * way) + process.variance
-    redraw(hyp, H, math.atan2(dy, dx), 0.5)
-    forget_leg(hyp.leg)
-    cov[X, X] += variance
-    cov[Y, Y] += variance
+    walked = max(min(_TURNS * fix.dt, _ANY_HEADING - cov[H, H]), 0.01)
+    chord = chord_moments(cov[H, H], walked)
+    _learn_speed(hyp, state, fix, chord.mean)
+    way = max(mean[K], _LEAST_SPEED) * fix.dt
+    square = way * way + process.variance + fix.dt * fix.dt * cov[K, K]
+    forward = chord.mean * fix.dt
+    least = (forward * mean[K]) ** 2
+    along = square * chord.along - least - forward * forward * cov[K, K]
+    across = square * chord.across - least * cov[H, H]
+    c, s = math.cos(mean[H]), math.sin(mean[H])
+    dx = (fix.x - mean[X]) / state.scale - c * forward * mean[K]
+    dy = (fix.y - mean[Y]) / state.scale - s * forward * mean[K]
+    off = max(math.hypot(dx, dy) - 2.0 * fix.jitter, 0.0)
+    tail = _TAIL * min(off, _MOST_SPEED * fix.dt) ** 2
+    q = Noise(
+        max(along, tail, process.variance), max(across, tail, process.variance), walked, 0.0, 0.0,
+        0.0,
+    )  # fmt: skip
+    predict_plane(mean, cov, Increment(forward, 0.0, forward, 0.0, 0.0), state.scale, q)
     decay(mean, cov, K, mean[K], process.keep, SPEED_SIGMA * SPEED_SIGMA)
-    speed = way / fix.dt
-    noise = 2.0 * (fix.jitter / fix.dt) ** 2 + (_CHORD * speed) ** 2 + 1.0
-    gain = cov[K, K] / (cov[K, K] + noise)
-    redraw(hyp, K, mean[K] + gain * (speed - mean[K]), gain * noise)
+    forget_leg(hyp.leg)
     hyp.stood = 0.0
 
 
@@ -96,9 +120,10 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, first: int, fix: Spar
     if total <= 0.0:
         return
     hyp = belief.hyp[i]
-    rescale(hyp, 1.0 - _RETURN)
+    back = _RETURN * min(_FOLLOWED / fix.found, 1.0)
+    rescale(hyp, 1.0 - back)
     for c in range(fix.found):
-        share = _RETURN / (1.0 - _RETURN) * mass[c] / total
+        share = back / (1.0 - back) * mass[c] / total
         if hyp.weight * share < _LEAST or belief.state[0].count >= CAPACITY:
             continue
         edge = ctx.work.near[c].edge
@@ -116,8 +141,7 @@ def _return_to(belief: Belief, ctx: Context, i: int, c: int, share: float) -> No
     hyp = belief.hyp[spawn(belief, i, share, edge, segment)]
     mean = hyp.mu
     redraw(hyp, D, lane_mean(ctx, edge), lane_sigma(ctx, edge) ** 2)
-    hyp.cov[H, H] = ctx.par[0].edge_heading_sigma ** 2 + HEADING_NOISE
-    mean[H] = math.atan2(ty, tx)
+    redraw(hyp, H, math.atan2(ty, tx), ctx.par[0].edge_heading_sigma ** 2 + HEADING_NOISE)
     lateral = ty * (mean[X] - cx) / scale - tx * (mean[Y] - cy) / scale
     lateral += ty * mean[MX] - tx * mean[MY]
     observe_line(hyp, ctx, tx, ty, mean[D] - lateral, scale)
@@ -145,6 +169,7 @@ def exchange_off_road(
     if fix.found > 0 and ctx.work.near[0].distance < 2.0 * fix.sigma:
         chance = min(_BY_CHANCE, par.off_road_cost * metres)
     share = min(_LEAVE * par.off_road_leave * (metres + 10.0), _MOST_LEAVE)
+    share = max(share, fix.beyond)  # stands for those on roads that are not followed
     leaves = belief.hyp[top].log_weight + math.log(max(share, 1e-300)) - _FAR_ABOVE
     for i in range(n):
         hyp = belief.hyp[i]

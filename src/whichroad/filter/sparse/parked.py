@@ -12,6 +12,7 @@ from ..._compile import Record, kernel
 from ...graph.geometry import locate
 from ...graph.index import closest_few, vertex_at
 from ..gaussian import update_state
+from ..gnss.inflation import COARSE
 from ..lookback.path_tree import enter
 from ..motion import add_across
 from ..road import track
@@ -91,6 +92,8 @@ def is_parked(hyp: Record) -> bool:
 def park(belief: Belief, path: Path, ctx: Context, row: int) -> None:
     """Append children of an arriving hypothesis that stand beside its road, on either side.
 
+    Coarse fixes do not tell them from those on the road.
+
     Args:
         belief: The row has arrived near a fix, and has not seen it yet.
         path: The tree of edges entered.
@@ -100,7 +103,8 @@ def park(belief: Belief, path: Path, ctx: Context, row: int) -> None:
     hyp = belief.hyp[row]
     share = 0.5 * _BESIDE * comes_to_stand(hyp.mu[K], hyp.cov[K, K])
     least = belief.hyp[heaviest(belief)].log_weight + _LEAST
-    if hyp.log_weight + math.log(max(share, 1e-300)) < least:
+    light = hyp.log_weight + math.log(max(share, 1e-300)) < least
+    if light or belief.state[0].reported[1] >= COARSE:
         return
     track(belief, ctx.roads, row)
     entry = hyp.path_entry

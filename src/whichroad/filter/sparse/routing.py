@@ -214,7 +214,7 @@ def moments_on_edge(
     even = 1.0 / (1.0 + stands * here)
     both = sigma * sigma + _QUEUE * _QUEUE
     queue = stands * _density(away, both)
-    if queue < 1e-3:
+    if queue <= 1e-3 * max(mass, 1e-12):
         return even * mass, mean, variance
     gain = sigma * sigma / both
     share = queue / (mass + queue)
