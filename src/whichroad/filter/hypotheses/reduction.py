@@ -40,6 +40,8 @@ _OFF_MOST = 8  # off-road components kept
 _OFF_PRUNE = 0.01  # of the usual floor; it is the way back when every road was wrong
 _BLIND = 500.0  # times more merging without a heading sensor
 _WAITING = 1e-6  # floor of those that take the last fix to be wrong
+_NEXT = 0  # scratch while hypotheses are merged: the next row that may merge with this one,
+_END, _UNLISTED = -1.0, -2.0  # or none; or it is on no list yet
 
 
 @kernel
@@ -178,41 +180,77 @@ def _merges(belief: Belief, i: int, first: int) -> bool:
 
 
 @kernel(inline=True)
-def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> bool:
-    """Merge the cheapest pair on the edge of hypothesis `first`; False: there is none."""
-    n = belief.state[0].count
-    scale = belief.state[0].scale
-    edge = belief.hyp[first].edge
-    if edge == OFF_ROAD:
-        limit = _OFF_LIMIT
-        most = _OFF_MOST
-    count = 0
-    for i in range(first, n):
+def _list_edge(belief: Belief, first: int) -> int:
+    """List those that may merge with hypothesis `first`, all behind it; returns how many."""
+    last = first
+    count = 1
+    for i in range(first + 1, belief.state[0].count):
         if _merges(belief, i, first):
+            belief.hyp[last].scratch[_NEXT] = i
+            last = i
             count += 1
-    if count == 1:
-        return False
-    best = limit + 1e-300 if count <= most else math.inf  # pairs that cost more are not merged
-    best_i = -1
-    best_j = -1
-    for i in range(first, n):
-        if not _merges(belief, i, first):
-            continue
-        for j in range(i + 1, n):
-            if not _merges(belief, j, first):
-                continue
-            if edge == OFF_ROAD:
-                cost = _merge_cost_off_road(belief.hyp[i], belief.hyp[j], best, scale, count == 2)
+    belief.hyp[last].scratch[_NEXT] = _END
+    return count
+
+
+@kernel(inline=True)
+def _unlist(belief: Belief, first: int, row: int) -> int:
+    """Take a row off the list that begins with `first`; returns the first one then."""
+    following = belief.hyp[row].scratch[_NEXT]
+    if row == first:
+        return int(following)
+    at = first
+    while int(belief.hyp[at].scratch[_NEXT]) != row:
+        at = int(belief.hyp[at].scratch[_NEXT])
+    belief.hyp[at].scratch[_NEXT] = following
+    return first
+
+
+@kernel(inline=True)
+def _cheapest_pair(belief: Belief, first: int, best: float, alone: bool) -> tuple[int, int]:
+    """The rows of the list whose merging costs least, and less than `best`; -1: there are none.
+
+    The heavier one is the first of the two.  `alone`: the list holds no other pair.
+    """
+    scale = belief.state[0].scale
+    off = belief.hyp[first].edge == OFF_ROAD
+    best_i = best_j = -1
+    i = first
+    while i >= 0:
+        following = int(belief.hyp[i].scratch[_NEXT])
+        j = following
+        while j >= 0:
+            if off:
+                cost = _merge_cost_off_road(belief.hyp[i], belief.hyp[j], best, scale, alone)
             else:
-                cost = _merge_cost(belief.hyp[i], belief.hyp[j], best, scale, count == 2)
+                cost = _merge_cost(belief.hyp[i], belief.hyp[j], best, scale, alone)
             if cost < best:
                 best, best_i, best_j = cost, i, j
-    if best_i < 0:
-        return False
-    if belief.hyp[best_j].log_weight > belief.hyp[best_i].log_weight:
-        best_i, best_j = best_j, best_i
-    _merge_into(belief, best_i, best_j)
-    return True
+            j = int(belief.hyp[j].scratch[_NEXT])
+        i = following
+    if best_i >= 0 and belief.hyp[best_j].log_weight > belief.hyp[best_i].log_weight:
+        return best_j, best_i
+    return best_i, best_j
+
+
+@kernel(inline=True)
+def _merge_edge(belief: Belief, first: int, limit: float, most: int) -> int:
+    """Merge on the edge of hypothesis `first`, the cheapest pair first; returns how often."""
+    if belief.hyp[first].edge == OFF_ROAD:
+        limit = _OFF_LIMIT
+        most = _OFF_MOST
+    count = _list_edge(belief, first)
+    merged = 0
+    while merged < count - 1:
+        left = count - merged
+        best = limit + 1e-300 if left <= most else math.inf  # pairs that cost more are not merged
+        i, j = _cheapest_pair(belief, first, best, left == 2)
+        if i < 0:
+            break
+        first = _unlist(belief, first, j)
+        _merge_into(belief, i, j)
+        merged += 1
+    return merged
 
 
 @kernel(inline=True)
@@ -226,15 +264,6 @@ def _shared_edges(belief: Belief) -> int:
             shared |= seen & bit
             seen |= bit
     return shared
-
-
-@kernel(inline=True)
-def _has_earlier(belief: Belief, i: int) -> bool:
-    """Whether a hypothesis before i is on the same edge: its pairs have been compared."""
-    j = 0
-    while j < i and not _merges(belief, j, i):
-        j += 1
-    return j < i
 
 
 @kernel(inline=True)
@@ -278,15 +307,14 @@ def reduce(belief: Belief, path: Path, ctx: Context) -> None:
         if hyp.weight < floor and (hyp.weight < _WAITING or not is_waiting(hyp, state.time)):
             hyp.edge = NO_EDGE
             dropped += 1
+        hyp.scratch[_NEXT] = _UNLISTED
     shared = _shared_edges(belief)
     for i in range(n):
-        edge = belief.hyp[i].edge
-        if edge == NO_EDGE or shared & (1 << (int(edge) & 63)) == 0:
+        hyp = belief.hyp[i]
+        if hyp.edge == NO_EDGE or shared & (1 << (int(hyp.edge) & 63)) == 0:
             continue
-        if is_waiting(belief.hyp[i], state.time) or _has_earlier(belief, i):
-            continue
-        while belief.hyp[i].edge != NO_EDGE and _merge_edge(belief, i, limit, most):
-            dropped += 1
+        if hyp.scratch[_NEXT] == _UNLISTED and not is_waiting(hyp, state.time):
+            dropped += _merge_edge(belief, i, limit, most)
     if dropped > 0 or n > KEPT:
         _compact(belief)
     enter_new_edges(belief, path)
