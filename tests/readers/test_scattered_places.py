@@ -1,5 +1,7 @@
 """Places that scatter from row to row as no vehicle moves are named, and their size is used."""
 
+import math
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,7 +9,7 @@ import pytest
 from readers.driving import town
 from whichroad.observations import SCATTERED, Fixes
 from whichroad.readers.drive_tables import drive_from_table
-from whichroad.readers.scattered_places import scatter
+from whichroad.readers.scattered_places import _median, scatter
 
 
 def table(sigma: float, every: float, seed: int = 0, **columns: float) -> pd.DataFrame:
@@ -70,3 +72,8 @@ def test_neither_of_uneven_times_nor_of_two_places_in_turn_nor_of_rounding():
         fixes, notes = read(one)
         assert not (fixes.flags & SCATTERED).any()
         assert not [note for note in notes if "scatter" in note]
+
+
+@pytest.mark.parametrize("values", [[3.0], [4.0, 1.0], [5.0, 1.0, 2.0], [2.0, math.nan, 1.0]])
+def test_the_median_of_few_numbers_is_that_of_numpy(values: list[float]):
+    assert _median(np.array(values)) == pytest.approx(np.median(values), abs=0.0, nan_ok=True)
