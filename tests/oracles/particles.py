@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from oracles.compiled import compiled
 from scenes.filter import steps
 from whichroad._compile import Record, Records, kernel
-from whichroad.filter._simd import copy_record
+from whichroad.filter._simd import N, copy_record
 from whichroad.filter.creeping import count_motion
 from whichroad.filter.gnss import bias as gnss_bias
 from whichroad.filter.gnss import noise as gnss_noise
@@ -158,7 +158,8 @@ class Particles:
     ) -> None:
         self.roads, self.epochs, self.most = roads, epochs, most
         par = parameters(settings, Vehicle(), WHEELS)
-        self.ctx, self.par = Context(par, roads, new_work()), par[0]
+        work = new_work()._replace(gains=np.zeros((2 * _ROOM * most, N)))
+        self.ctx, self.par = Context(par, roads, work), par[0]
         every = par.copy()
         every.prune = _LEAST
         self.branching = self.ctx._replace(par=every)

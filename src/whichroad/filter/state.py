@@ -209,8 +209,7 @@ SUCCESSOR = np.dtype(
     align=True,
 )
 
-CANDIDATES = 128
-SUCCESSORS = 64  # edges that one hypothesis may pass on to in one step
+CANDIDATES, SUCCESSORS = 128, 64  # edges near a fix; that a hypothesis may pass on to in a step
 
 
 class Belief(NamedTuple):
@@ -225,6 +224,7 @@ class Work(NamedTuple):
     """Buffers of the kernels, allocated once per thread."""
 
     row: Vector  # (N,) observation row
+    gains: Matrix  # (2 C, N) P hᵀ of the two rows of a fix, of each hypothesis (gnss.position)
     reading: Epochs  # (1,) what is believed of an epoch
     successor: Annotated[Records, Array(SUCCESSOR, 1)]  # (SUCCESSORS,)
     near: Annotated[Records, Array(CANDIDATE, 1)]  # (CANDIDATES,)
@@ -267,9 +267,10 @@ def new_parameters() -> Records:
 
 def new_work(paper: bool = False, evidence: Evidence = NO_EVIDENCE) -> Work:
     """Buffers for one thread, and what further sensors say."""
+    held = records(CANDIDATES if paper else 0, HYPOTHESIS)
     return Work(
-        np.zeros(N), new_epochs(1), records(SUCCESSORS, SUCCESSOR), records(CANDIDATES, CANDIDATE),
-        new_search(), records(CANDIDATES if paper else 0, HYPOTHESIS), evidence,
+        np.zeros(N), np.zeros((2 * CAPACITY, N)), new_epochs(1), records(SUCCESSORS, SUCCESSOR),
+        records(CANDIDATES, CANDIDATE), new_search(), held, evidence,
     )  # fmt: skip
 
 

@@ -52,8 +52,8 @@ class Axes(NamedTuple):
     r1: float  # and across it
 
 
-# scratch: innovations and their covariance without white noise; the lever arm in the plane
-NU0, NU1, V00, V01, V11, ARM_X, ARM_Y = range(7)
+# scratch: innovations and their covariance without white noise; its two rows in `work.gains`
+NU0, NU1, V00, V01, V11, GAINS = range(6)
 
 
 @kernel
@@ -111,23 +111,22 @@ def _product(row: Vector, g: Vector) -> float:
 def innovations(belief: Belief, ctx: Context, fix: Vector, axes: Axes) -> None:
     """Innovations of every hypothesis along the axes of the ellipse, and their covariance.
 
-    The covariance is without the white noise.
+    The covariance is without the white noise.  P hᵀ of both rows is kept in `work.gains`.
     """
     state = belief.state[0]
     lever = ctx.par[0].lever
     row = ctx.work.row
-    g = new_row()
     second = new_row()
     for i in range(state.count):
         hyp = belief.hyp[i]
         to = hyp.scratch
         arm = lever_arm(hyp.mu[H], lever)
-        to[ARM_X], to[ARM_Y] = arm
+        to[GAINS] = 2 * i
         to[NU0] = fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
         to[NU1] = fix_row(hyp.mu, second, fix, state, arm, -axes.s, axes.c)
-        to[V00] = _gain(hyp.cov, row, g)
-        to[V01] = _product(second, g)
-        to[V11] = _gain(hyp.cov, second, g)
+        to[V00] = _gain(hyp.cov, row, ctx.work.gains[2 * i])
+        to[V01] = _product(second, ctx.work.gains[2 * i])
+        to[V11] = _gain(hyp.cov, second, ctx.work.gains[2 * i + 1])
 
 
 @kernel(inline=True)
@@ -147,23 +146,18 @@ def _drop_refuted(belief: Belief, least: float) -> None:
 
 
 @kernel(inline=True)
-def _condition(hyp: Record, state: Record, ctx: Context, fix: Vector, axes: Axes) -> None:
+def _condition(hyp: Record, state: Record, ctx: Context) -> None:
     """Condition a hypothesis on both axes of a fix, the second one given the first.
 
     While the vehicle stands the receiver errs much alike.  One that has stood since the last fix,
     and whose place is known as well as a fix tells it, considers that place, and does not
     estimate it (Schmidt 1966): the fix tells the receiver's error.
     """
-    row = ctx.work.row
-    arm = (hyp.scratch[ARM_X], hyp.scratch[ARM_Y])
     s0 = hyp.scratch[V00]
     s1 = hyp.scratch[V11]
-    g = new_row()
-    second = new_row()
-    fix_row(hyp.mu, row, fix, state, arm, axes.c, axes.s)
-    _gain(hyp.cov, row, g)
-    fix_row(hyp.mu, row, fix, state, arm, -axes.s, axes.c)
-    _gain(hyp.cov, row, second)
+    at = int(hyp.scratch[GAINS])
+    g = ctx.work.gains[at]
+    second = ctx.work.gains[at + 1]
     add_times(second, -hyp.scratch[V01] / s0, g)
     gains = (hyp.scratch[NU0] / s0, hyp.scratch[NU1] / s1)
     mean, cov = hyp.mu, hyp.cov
@@ -265,7 +259,7 @@ def observe_given(
         _drop_refuted(belief, refuted)
     for i in range(state.count):
         if belief.hyp[i].ignores != WRONG:
-            _condition(belief.hyp[i], state, ctx, fix, axes)
+            _condition(belief.hyp[i], state, ctx)
     return best
 
 
