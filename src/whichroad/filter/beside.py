@@ -66,6 +66,8 @@ class Course(NamedTuple):
 @kernel
 def merged_odds(a: float, b: float, share: float) -> float:
     """Log-odds of free motion of two that become one, of which the first has a share."""
+    if a == b:
+        return a
     return math.log(share * math.exp(a) + (1.0 - share) * math.exp(b))
 
 

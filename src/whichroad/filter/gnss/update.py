@@ -320,8 +320,8 @@ def _weigh_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: f
     jumps = since < _RECENT and (alone or (is_vouched(state, epoch) and known))
     if jumps and second_misfits(belief, axes, par.gnss_gate, since):
         innovations(belief, ctx, epoch.fix, axes)
-    odds = odds_of_sides(belief)
     tried = state.mode == WHEELS and state.vetting.tried == 1
+    odds = odds_of_sides(belief) if tried else 0.0
     both = tried and abs(odds) < MOST_ODDS
     least = 0.0 if both else _REFUTED * par.prune
     chi2 = observe_given(belief, ctx, epoch.fix, axes, par.gnss_gate, jumps, least)

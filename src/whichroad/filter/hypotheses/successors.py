@@ -45,7 +45,8 @@ def speed_fit(usual: float, angle: float, driven: tuple[float, float]) -> float:
         allowed = math.sqrt(_CORNER * _CORNER / abs(angle))
     if speed - allowed > _TOO_FAST * (_ALLOWED_SIGMA * allowed + sigma):
         return _LEAST_FIT / allowed
-    z = (allowed - speed) / math.hypot(_ALLOWED_SIGMA * allowed, sigma)
+    wide = _ALLOWED_SIGMA * allowed
+    z = (allowed - speed) / math.sqrt(wide * wide + sigma * sigma)
     return float(max(normal_cdf(z), _LEAST_FIT) / allowed)
 
 

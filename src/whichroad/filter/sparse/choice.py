@@ -159,7 +159,8 @@ def _weigh(
     if not turned:
         run.detour = min(run.detour, cost)
     cost += _haste_cost(went, way.usual, start, fix)
-    cost += _back_cost(went, math.hypot(belief.hyp[i].along_sigma, fix.jitter))
+    if went < 0.0:
+        cost += _back_cost(went, math.hypot(belief.hyp[i].along_sigma, fix.jitter))
     score = belief.hyp[i].log_weight - cost - _misfit(went, way.usual, start, fix)
     score -= 0.5 * (near.distance / fix.sigma) ** 2
     if score >= run.best_score - way.worth:
