@@ -11,7 +11,7 @@ from .._compile import Records
 from ..epochs import Timeline
 from ..errors import DriveError
 from ..filter.evidence.observe import observe_evidence
-from ..filter.gnss.start import COARSE
+from ..filter.gnss.inflation import COARSE
 from ..filter.hypotheses.population import (
     branch_all,
     initialise,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._compile import Records
-from ..filter.gnss.start import COARSE
+from ..filter.gnss.inflation import COARSE
 from ..filter.motion import arc_chord
 
 _LONGEST = 6.0  # m, longest step of the prediction
