@@ -86,6 +86,23 @@ def test_sensors_that_read_down_to_0_have_none(hz: int, brakes: float):
             assert found_in(counts(true, hz, tick)) == 0.0
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.01])  # s
+@pytest.mark.parametrize("tick", [0.05, 0.1])
+@pytest.mark.parametrize("hz", [10, 20])
+def test_counters_in_steps_have_none_by_seconds_since_1970(hz: int, tick: float, jitter: float):
+    """Seconds since 1970 are rounded, and may jitter: steps over them differ, ways do not."""
+    rng = np.random.default_rng(7)
+    for seed in range(4):
+        log = counts(drive(1.5, seed), hz, tick)
+        late = np.sort(log.time + rng.uniform(0.0, jitter, len(log.time)))
+        assert found_in(Odometer(1780300800.0 + late, log.distance)) == 0.0
+
+
+def test_fine_counters_show_it_by_seconds_since_1970():
+    log = counts(np.where((true := drive(1.5, 2)) < 3.0 * KMH, 0.0, true), 10, 0.01)
+    assert 3.0 * KMH - 0.05 <= found_in(Odometer(1780300800.0 + log.time, log.distance)) <= 1.14
+
+
 def test_cut_and_seldom_speeds_have_none():
     true = drive(1.5, 3)
     assert told_by_speeds(np.floor(true / KMH) * KMH, 10) == 0.0

@@ -136,11 +136,22 @@ class DeadBand:
         if counted and (len(speeds) < 3 or not all(speeds)):
             return
         slow = speeds[1] if counted else speeds[-1]
-        if len(speeds) > 1 and speeds[-2] and (step := abs(speeds[-1] - speeds[-2])) > _NO_STEP:
+        if len(speeds) > 1 and speeds[-2] and (step := self._change(counted)) > _NO_STEP:
             self._step = min(self._step, step)
         if slow < self._slowest:
             self._slowest = slow
             self._judge()
+
+    def _change(self, counted: bool) -> float:
+        """By how much the last speed differs from the one before, m/s.
+
+        Of a counter it is the change of what was counted: times that jitter make no steps.
+        """
+        first, last = self._last[-2:]
+        if not counted:
+            return abs(last.speed - first.speed)
+        dt, before = last.time - first.time, first.time - self._last[-3].time
+        return abs(last.speed * dt - first.speed * before) / dt
 
     def _judge(self) -> None:
         """Whether there is one, and which."""
