@@ -1,5 +1,6 @@
 """Several vehicles in one service, and two senders on one port."""
 
+import asyncio
 import json
 import socket
 import time
@@ -10,10 +11,15 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from live.service import Served, free_port, on_air
+from whichroad import Localizer
 from whichroad.cli.live_vehicles import Fittings, named, own_file
+from whichroad.live.addresses import Address
 from whichroad.live.decode import NmeaStream
+from whichroad.live.filter_loop import FilterLoop
 from whichroad.live.nmea_output import sentences
 from whichroad.live.senders import OneSender
+from whichroad.live.sources import NmeaInput, listen_tcp
+from whichroad.live.troubles import Troubles
 from whichroad.simulate.drive_files import nmea_text
 from whichroad.writers.nmea_text import sealed
 
@@ -95,7 +101,117 @@ def test_the_first_who_gives_a_fix_holds_the_port_until_it_is_silent():
     assert port.takes("b", 8.1)
     assert not port.takes("a", 8.2)
     port.leaves("b")
-    assert port.takes("a", 8.3)
+    assert not port.takes("a", 8.3)  # b may connect again at once
+    assert port.takes("c", 8.4)  # as it does here
+    port.leaves("c")
+    assert not port.takes("a", 11.3)
+    assert port.takes("a", 11.5)
+
+
+def at_once(port, sender, beside, seconds, begin=0.0):
+    """Two senders at 5 Hz; which of the second's fixes are taken."""
+    taken = []
+    for k in range(int(5 * seconds)):
+        port.takes(sender, begin + 0.2 * k)
+        taken.append(port.takes(beside, begin + 0.2 * k + 0.05))
+    return taken
+
+
+def test_who_connects_again_finds_its_port_free_of_the_other_sender():
+    port = OneSender()
+    assert not any(at_once(port, "a", "b", 2.0))
+    assert not port.hears("b", 2.0)
+    port.leaves("a")
+    assert not port.takes("b", 2.05)
+    assert not port.hears("b", 2.05)
+    assert not any(at_once(port, "a again", "b", 100.0, 2.1))
+    port.leaves("a again")
+    assert port.hears("b", 106.0)
+    assert port.takes("b", 106.0)  # a is not back
+
+
+def test_another_sender_and_refused_fixes_are_told_once_and_forgotten():
+    said = []
+    troubles = Troubles(said.append)
+    port = OneSender("udp :2000", troubles)
+    at_once(port, "10.0.0.1:7", "10.0.0.2:9", 4.0)
+    assert not troubles.messages()  # as while a connection breaks
+    at_once(port, "10.0.0.1:7", "10.0.0.2:9", 100.0, 4.0)
+    [message] = troubles.messages()
+    assert message == (
+        "udp :2000, a second sender: fixes of others are refused, as those of 10.0.0.1:7 are taken"
+    )
+    assert len(said) == 1
+    assert "(those of 10.0.0.2:9); give each vehicle a port" in said[0]
+    assert port.takes("10.0.0.2:9", 120.0)
+    assert (
+        "another sender: fixes are those of 10.0.0.2:9 now; 10.0.0.1:7 had been silent for 16."
+        in (said[1])
+    )
+    assert len(troubles.messages()) == 2
+    for k in range(500):
+        port.takes("10.0.0.2:9", 121.0 + 0.2 * k)
+    assert not troubles.messages()
+    assert len(said) == 4
+
+
+def test_a_receiver_that_connects_again_is_told_nothing():
+    said = []
+    port = OneSender("listen :2000", Troubles(said.append))
+    for k in range(100):
+        assert port.takes(f"10.0.0.1:{k}", float(k))
+        port.leaves(f"10.0.0.1:{k}")
+    assert port.takes("10.0.0.2:1", 100.0)
+    assert len(said) == 1
+
+
+def test_a_receiver_that_connects_again_keeps_its_port_and_health_tells_of_the_other(
+    town, bursts, monkeypatch
+):
+    """Beside a second one, whose fixes come at once after the connection is closed."""
+    monkeypatch.setattr("whichroad.live.senders._LONG", 0.3)
+    loop, number, taken = FilterLoop(Localizer(town)), free_port(), []
+    health = loop.sensor(f"listen :{number}", "gnss")
+
+    def make():
+        return NmeaInput(health, NmeaStream(), lambda _, some, __: taken.extend(some))
+
+    async def connect():
+        return (await asyncio.open_connection("127.0.0.1", number))[1]
+
+    async def say(*writers):
+        for writer, burst in writers:
+            writer.write(burst)
+        await asyncio.sleep(0.06)
+
+    async def both():
+        server = asyncio.create_task(
+            listen_tcp(Address("listen", "127.0.0.1", number), health, make)
+        )
+        await asyncio.sleep(0.1)
+        first, second = await connect(), await connect()
+        for k in range(4):
+            await say((first, bursts[k]))
+            await say((second, bursts[40 + k]))
+        first.close()
+        for k in range(4, 8):
+            await say((second, bursts[40 + k]))
+        first = await connect()
+        for k in range(8, 14):
+            await say((first, bursts[k]))
+            await say((second, bursts[40 + k]))
+        for writer in (first, second):
+            writer.close()
+            await writer.wait_closed()
+        server.cancel()
+        await asyncio.gather(server, return_exceptions=True)
+
+    asyncio.run(both())
+    assert len(taken) == 10
+    assert taken[-1].time - taken[0].time == pytest.approx(13.0)
+    assert health.refused == 14
+    [problem] = loop.health()["problems"]
+    assert f"listen :{number}, a second sender: fixes of others are refused" in problem
 
 
 def test_an_option_names_its_vehicle_or_is_for_all():

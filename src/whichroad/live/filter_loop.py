@@ -347,7 +347,8 @@ class FilterLoop:
         now = self._clock()
         sensors = [sensor.message(now) for sensor in self.sensors.values()]
         good = bool(sensors) and all(s["ok"] or s["state"] == "ended" for s in sensors)
-        problems = self.troubles.messages()
+        held = [self.troubles, *(sensor.troubles for sensor in self.sensors.values())]
+        problems = [message for one in held for message in one.messages()]
         skipped = Counter(self.localizer.skipped) + self.buffer.skipped
         for one in self.sensors.values():
             skipped += one.skipped_why

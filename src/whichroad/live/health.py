@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from .message_types import UNKNOWN, LatencyMessage, SensorMessage
+from .troubles import Troubles
 
 _BOUNDS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # s, of bins
 _WINDOW = 5.0  # s over which rates are averaged
@@ -34,6 +35,7 @@ class Health:
         reason: Why it is lost, for everybody: without a path.
         delay: Typical s between an observation's own time and its arrival; None: not known.
         receiver: What a receiver said of its last fix.
+        troubles: What is wrong with what comes.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class Health:
         self.link = "waiting"
         self.delay: float | None = None
         self.receiver = UNKNOWN
+        self.troubles = Troubles(report)
         self._last: float | None = None
         self._interval: float | None = None
         self._made: deque[float] = deque(maxlen=_MADE)

@@ -46,6 +46,7 @@ class NmeaInput:
     Attributes:
         useful: When a fix came out last, on the clock of `time.perf_counter`.
         port: Decides which sender of its port is listened to; None: it has a port of its own.
+        peer: The address of that sender.
     """
 
     def __init__(
@@ -57,12 +58,16 @@ class NmeaInput:
     ) -> None:
         self.useful = 0.0
         self.port: OneSender | None = None
+        self.peer = "an unknown address"
         self._sensors = sensors or (lambda: health)
         self._health, self._stream, self._deliver = health, stream, deliver
         self._counted: Counter[str] = Counter()  # what the decoder had skipped
         self._quiet: asyncio.TimerHandle | None = None
         self._arrival = 0.0
         self._allowance, self._filled = float(_MOST_BYTES), time.perf_counter()
+
+    def __str__(self) -> str:
+        return self.peer
 
     def feed(self, data: bytes, arrival: float | None = None) -> None:
         """Take bytes that came at `arrival` (now unless given)."""
@@ -181,28 +186,31 @@ def _keep_alive(sock: Any) -> None:
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
 
-def _drop_oldest(peers: dict[Any, NmeaInput]) -> Any:
-    """Drop the peer idle for longest, where there are too many; return it."""
-    if len(peers) < _MOST_PEERS:
-        return None
-    who = min(peers, key=lambda one: peers[one].useful)
-    del peers[who]
-    return who
+def _one_peer_less(peers: dict[Any, NmeaInput]) -> Any:
+    """The peer idle for longest, where there are too many: it is to be dropped."""
+    return None if len(peers) < _MOST_PEERS else min(peers, key=lambda one: peers[one].useful)
+
+
+def _of_peer(made: NmeaInput, port: OneSender, address: Sequence[Any] | None) -> NmeaInput:
+    """An input of one sender of a port."""
+    made.port = port
+    if address:
+        made.peer = f"{address[0]}:{address[1]}"
+    return made
 
 
 async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
     """Let receivers connect to us, for ever; each has a decoder, one of them is listened to."""
     peers: dict[asyncio.StreamWriter, NmeaInput] = {}
     served: set[Any] = set()
-    port = OneSender()
+    port = OneSender(health.name, health.troubles)
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         served.add(asyncio.current_task())
-        dropped = _drop_oldest(peers)
-        if dropped is not None:
-            dropped.transport.abort()
-        into = peers[writer] = make()
-        into.port = port
+        if (idle := _one_peer_less(peers)) is not None:
+            del peers[idle]
+            idle.transport.abort()
+        into = peers[writer] = _of_peer(make(), port, writer.get_extra_info("peername"))
         try:
             await _drain(reader, into)
         finally:
@@ -229,15 +237,17 @@ async def listen_tcp(address: Address, health: Health, make: Callable[[], NmeaIn
 async def read_udp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
     """Take datagrams, for ever; each sender has a decoder, one of them is listened to."""
     senders: dict[Any, NmeaInput] = {}
-    port = OneSender()
+    port = OneSender(health.name, health.troubles)
 
     class Datagrams(asyncio.DatagramProtocol):
         def datagram_received(self, data: bytes, addr: Any) -> None:
             into = senders.get(addr)
             if into is None:
-                _drop_oldest(senders)
-                into = senders[addr] = make()
-                into.port = port
+                if (idle := _one_peer_less(senders)) is not None:
+                    dropped = senders.pop(idle)
+                    dropped.end()  # later it would hold the port again
+                    port.leaves(dropped)
+                into = senders[addr] = _of_peer(make(), port, addr)
             into.feed(data if data.endswith(b"\n") else data + b"\r\n")
 
     try:
