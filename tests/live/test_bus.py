@@ -12,12 +12,14 @@ import pytest
 from websockets.sync.client import connect
 
 from live.service import free_port, on_air
-from whichroad import GeoFix, Localizer, read_vehicle
+from whichroad import GeoFix, Localizer, Vehicle, read_vehicle
 from whichroad.live.addresses import can_address, nmea_address
+from whichroad.live.can_bus import BusWatch
 from whichroad.live.decode import CanStream
+from whichroad.live.health import Health
 from whichroad.live.server import Plan, Run
 from whichroad.live.vehicle_run import Fitted
-from whichroad.readers.can_frames import read_frames
+from whichroad.readers.can_frames import EXTENDED, read_frames
 from whichroad.simulate.drive_files import nmea_text
 
 
@@ -100,6 +102,92 @@ def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
     assert run.filter_loop.buffer.rewinds >= 8
     assert run.filter_loop.buffer.skipped["late"] == 0
     assert run.filter_loop.localizer.skipped == {}
+
+
+DBC = """VERSION ""
+BU_: X
+BO_ 2566844926 CCVS1: 8 X
+ SG_ WheelSpeed : 8|16@1+ (0.00390625,0) [0|250.996] "km/h" X
+BO_ 2565868030 VDC2: 8 X
+ SG_ YawRate : 24|16@1+ (0.0001220703125,-3.92) [-3.92|3.92] "rad/s" X
+BO_ 800 Gears: 1 X
+ SG_ Gear : 0|4@1+ (1,0) [0|15] "" X
+BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
+BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
+BA_ "VFrameFormat" BO_ 2566844926 3;
+BA_ "VFrameFormat" BO_ 2565868030 3;
+"""
+CAR = Vehicle(signals={"speed": "WheelSpeed", "yaw_rate": "YawRate", "reverse": "Gear"})
+
+
+def speed(kmh):
+    return b"\xff" + (256 * kmh).to_bytes(2, "little") + b"\xff" * 5
+
+
+@pytest.fixture
+def dbc(tmp_path):
+    path = tmp_path / "truck.dbc"
+    path.write_text(DBC)
+    return path
+
+
+def test_messages_of_a_bus_are_read_whoever_sends_them(town, dbc, running):
+    """The .dbc has FE for senders; a filter of exact ids lets no frame in."""
+    channel, said = "whichroad-j1939", []
+    fitted = Fitted(Localizer(town, vehicle=CAR), can=[(can_address(f"virtual:{channel}"), dbc)])
+    run, _ = running(Plan([fitted], report=said.append))
+    time.sleep(0.3)
+    turn = b"\xff" * 3 + round(3.92 * 8192).to_bytes(2, "little") + b"\xff" * 3
+    with can.Bus(interface="virtual", channel=channel) as bus:
+        for _ in range(8):
+            for name, data in (
+                (0x18F0090B, turn), (0x18FEF100, speed(36)), (0x18FEF121, speed(72)),
+            ):  # fmt: skip
+                bus.send(can.Message(arbitration_id=name, data=data, is_extended_id=True))
+            time.sleep(0.1)
+        time.sleep(0.5)
+    health = run.filter_loop.health()
+    assert health["sensors"][0]["count"] == 8
+    [problem] = health["problems"]
+    assert "CCVS1: read from source address 00" in problem
+    assert "; 21 sends it too and is not read" in problem
+    assert any("VDC2 is read from source address 0B" in line for line in said)
+
+
+def test_frames_that_do_not_come_are_problems_with_their_ids(dbc):
+    said = []
+    health, stream = Health("can0", "wheels", said.append), CanStream(dbc, CAR)
+    watch = BusWatch(health, stream)
+    watch.look(0.0)
+    watch.look(20.0)
+    assert not health.troubles.messages()  # the bus is not open
+    health.open()
+    for now in (20.0, 29.9):
+        watch.look(now)
+        assert not health.troubles.messages()
+    watch.look(30.0)
+    [problem] = health.troubles.messages()
+    assert (
+        "came for 10 s of CCVS1 (18FEF1FE, PGN 65265), Gears (320), VDC2 (18F009FE, PGN" in problem
+    )
+    stream.feed(0x18FEF100 | EXTENDED, 31.0, speed(36))
+    watch.look(31.0)
+    [problem] = health.troubles.messages()
+    assert "CCVS1 (" not in problem  # but the others, without which nothing is said
+    health.heard(1, 32.0)
+    watch.look(32.0)
+    assert not health.troubles.messages()
+    told = [line for line in said if "no frame" in line]
+    assert [line.split(" (")[0] for line in sorted(told)] == [
+        "can0: no frame Gears", "can0: no frame VDC2",
+    ]  # fmt: skip
+    watch.look(45.0)
+    assert len(health.troubles.messages()) == 1
+    health.lose("gone")
+    watch.look(46.0)
+    health.open()
+    watch.look(47.0)
+    assert not health.troubles.messages()  # it is new
 
 
 def test_who_asks_nothing_is_let_go_and_a_websocket_stays(town, observations, running, monkeypatch):

@@ -14,7 +14,7 @@ from whichroad.live.decode import CanStream
 from whichroad.live.filter_loop import FilterLoop
 from whichroad.live.messages import EstimateMessage
 from whichroad.live.reorder_buffer import ReorderBuffer
-from whichroad.readers.can import key
+from whichroad.readers.can_frames import key
 
 from .test_messages import follows
 from .test_reorder_buffer import shifted

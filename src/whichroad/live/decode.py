@@ -21,8 +21,10 @@ from ..observations import (
     WheelTicks,
     YawRate,
 )
-from ..readers.can import Signal, find_signals, reverse_value, si_factor, unit_factor
+from ..readers.can import reverse_value, si_factor, unit_factor
 from ..readers.can_absent import NOT_AVAILABLE, Absent, absent
+from ..readers.can_frames import EXTENDED
+from ..readers.can_signals import Signal, find_signals, senders_of
 from ..readers.names import SENSED
 from ..readers.nmea import NmeaParser
 from ..readers.nmea_told import NmeaTold
@@ -153,6 +155,11 @@ class CanStream:
         offset: s added to the frames' times.
         columns: Aliases of columns that further sensors read, as `Sensed.columns` has them.
 
+    Attributes:
+        signals: Those that are needed.
+        senders: Who sends the messages of J1939.
+        came: Frames that came, as the signals name them, until somebody empties it.
+
     Raises:
         ReadError: The .dbc is not one, or does not know a signal.
     """
@@ -165,10 +172,14 @@ class CanStream:
         signals = find_signals(dbc, vehicle, self.skipped_why, columns)
         self._vehicle, self._offset = vehicle, offset
         self._reverse_value = reverse_value(signals, vehicle)
-        self._by_frame: dict[int, list[_Bits]] = {}
+        self.signals = tuple(signals.values())
+        self.senders, self.came = senders_of(signals), set[int]()
+        self._exact: dict[int, list[_Bits]] = {}  # id -> signals in its frames
+        self._by_group: dict[int, list[_Bits]] = {}  # of J1939
         for role, signal in signals.items():
             used = self._reverse_value if role == "reverse" else None
-            self._by_frame.setdefault(signal.frame, []).append(_bits(role, signal, used))
+            frames = self._by_group if signal.j1939 else self._exact
+            frames.setdefault(signal.frame, []).append(_bits(role, signal, used))
         self._roles = {role for role in signals if not role.startswith(SENSED)}
         self._backwards = False
         self._last: dict[str, tuple[float, float]] = {}  # role -> time, value
@@ -185,8 +196,8 @@ class CanStream:
 
     @property
     def frames(self) -> set[int]:
-        """The ids that are needed, bit 31 marks those of 29 bits."""
-        return set(self._by_frame)
+        """The ids that are needed, bit 31 marks those of 29 bits; but those of J1939."""
+        return set(self._exact)
 
     @property
     def skipped(self) -> int:
@@ -201,9 +212,11 @@ class CanStream:
             stamp: When it came, s since 1970; another clock is taken as now.
             data: Payload.
         """
-        wanted = self._by_frame.get(frame)
+        wanted = self._exact.get(frame)
         if wanted is None:
-            return []
+            wanted = self._of_group(frame)
+        else:
+            self.came.add(frame)
         stamp = (stamp if stamp > _REASONABLE else time.time()) + self._offset
         values, sensed = [], dict[str, float]()
         for bits in wanted:
@@ -225,6 +238,14 @@ class CanStream:
                 values.append((bits.role, value))
         told: list[Observation] = [SensorReading(stamp, sensed)] if sensed else []
         return told + [one for role, value in values for one in self._take(role, stamp, value)]
+
+    def _of_group(self, frame: int) -> list[_Bits]:
+        """The signals in a frame of J1939."""
+        if not (self._by_group and frame & EXTENDED):
+            return []
+        messages = self.senders.take(frame)
+        self.came.update(messages)
+        return [bits for one in messages for bits in self._by_group[one]]
 
     def counted(self) -> dict[str, list[float]]:
         """What `resume` takes, to go on counting after a crash; JSON can hold it."""

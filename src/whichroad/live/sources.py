@@ -1,4 +1,4 @@
-"""Where observations come from: serial ports, TCP, UDP, CAN buses.
+"""Where fixes and lines of readings come from: serial ports, TCP, UDP, standard input.
 
 A source that is lost is taken up again, first after a moment, then more patiently.  Bytes
 are never collected: what the filter cannot take in time is left to the sender, or dropped.
@@ -16,9 +16,8 @@ from typing import Any
 
 from ..errors import SettingError
 from ..observations import Observation
-from ..readers.can_frames import EXTENDED, key
 from .addresses import Address
-from .decode import CanStream, NmeaStream
+from .decode import NmeaStream
 from .health import Health
 from .reading_lines import ReadingLines
 from .senders import OneSender
@@ -27,7 +26,7 @@ Deliver = Callable[[Health, Sequence[Observation], float], None]
 
 QUIET = 0.03  # s of silence that end a burst
 _DEAD = 15.0  # s without a byte, after which a connection is renewed
-_FIRST, _MOST = 0.2, 5.0  # s, first and longest wait between two tries
+FIRST, _MOST = 0.2, 5.0  # s, first and longest wait between two tries
 _MOST_BYTES = 500_000  # bytes per second, at most; 460,800 baud are 46,000
 _TOO_FAST = "piece of data that came too fast"
 _MOST_PEERS = 16  # peers of a listening port, at most
@@ -128,7 +127,7 @@ class NmeaInput:
             self._deliver(self._health, fixes, self._arrival)
 
 
-def _reason(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
     """Why a source cannot be opened or read, without its path."""
     number = getattr(error, "errno", None)
     if number is not None and number > 0:
@@ -138,8 +137,8 @@ def _reason(error: Exception) -> str:
 
 def _cannot_open(address: Address, error: OSError) -> SettingError:
     return SettingError(
-        f"{address.kind}://{address.place}:{address.number} cannot be opened ({_reason(error)}); a "
-        "free address of this machine was expected; choose another"
+        f"{address.kind}://{address.place}:{address.number} cannot be opened ({reason_of(error)}); "
+        "a free address of this machine was expected; choose another"
     )
 
 
@@ -153,13 +152,13 @@ async def _drain(reader: asyncio.StreamReader, into: NmeaInput) -> str:
     except TimeoutError:
         return f"nothing came for {_DEAD:g} s"
     except OSError as error:
-        return _reason(error)
+        return reason_of(error)
     return "the other side has closed the connection"
 
 
 async def read_tcp(address: Address, health: Health, make: Callable[[], NmeaInput]) -> None:
     """Read from a server, for ever."""
-    wait = _FIRST
+    wait = FIRST
     while True:
         writer = None
         try:
@@ -168,10 +167,10 @@ async def read_tcp(address: Address, health: Health, make: Callable[[], NmeaInpu
             )
             _keep_alive(writer.get_extra_info("socket"))
             health.open()
-            wait = _FIRST
+            wait = FIRST
             why = await _drain(reader, make())
         except OSError as error:
-            why = _reason(error)
+            why = reason_of(error)
         finally:
             if writer is not None:
                 writer.close()
@@ -269,11 +268,11 @@ async def read_serial(address: Address, health: Health, make: Callable[[], NmeaI
     into = make()
 
     def work(stop: threading.Event, pass_on: Callable[[bytes, float], None]) -> None:
-        wait = _FIRST
+        wait = FIRST
         while not stop.is_set():
             try:
                 with serial.Serial(address.place, address.number, timeout=0.2) as port:
-                    wait = _FIRST
+                    wait = FIRST
                     health.open()
                     while not stop.is_set():
                         if data := port.read(max(1, port.in_waiting)):
@@ -281,50 +280,11 @@ async def read_serial(address: Address, health: Health, make: Callable[[], NmeaI
             except TypeError:  # closed under a read
                 health.lose("the port was closed")
             except (serial.SerialException, OSError) as error:
-                health.lose(_reason(error))
+                health.lose(reason_of(error))
             stop.wait(wait)
             wait = min(2.0 * wait, 1.0)
 
-    await _in_thread(work, into.feed)
-
-
-async def read_can(address: Address, health: Health, stream: CanStream, deliver: Deliver) -> None:
-    """Read a CAN bus in a thread of its own, for ever."""
-    import can
-
-    wanted = [
-        {"can_id": k & ~EXTENDED, "can_mask": 0x1FFFFFFF, "extended": bool(k & EXTENDED)}
-        for k in stream.frames
-    ]
-
-    def work(stop: threading.Event, pass_on: Callable[[Any, float], None]) -> None:
-        wait = _FIRST
-        while not stop.is_set():
-            try:
-                with can.Bus(
-                    interface=address.interface, channel=address.place, can_filters=wanted
-                ) as bus:
-                    wait = _FIRST
-                    health.open()
-                    while not stop.is_set():
-                        if (frame := bus.recv(0.2)) is not None:
-                            pass_on(frame, time.perf_counter())
-            except (can.CanError, OSError, ValueError) as error:
-                health.lose(_reason(error))
-            stop.wait(wait)
-            wait = min(2.0 * wait, 1.0)
-
-    def take(frame: Any, arrival: float) -> None:
-        if frame.is_error_frame or frame.is_remote_frame:
-            return
-        name = key(frame.arbitration_id, frame.is_extended_id)
-        readings = stream.feed(name, frame.timestamp, bytes(frame.data))
-        health.open()
-        health.skipped_why = stream.skipped_why
-        if readings:
-            deliver(health, readings, arrival)
-
-    await _in_thread(work, take)
+    await in_thread(work, into.feed)
 
 
 async def read_standard_input(
@@ -340,7 +300,7 @@ async def read_standard_input(
             try:
                 data = os.read(0, 1 << 14)
             except OSError as error:
-                health.lose(_reason(error))
+                health.lose(reason_of(error))
                 return
             pass_on(data, time.perf_counter())
             stop.wait(len(data) / _MOST_BYTES)
@@ -352,14 +312,21 @@ async def read_standard_input(
             into.end()
             health.link = "ended"
 
-    await _in_thread(work, take)
+    await in_thread(work, take)
 
 
-async def _in_thread(
+async def in_thread(
     work: Callable[[threading.Event, Callable[[Any, float], None]], None],
     take: Callable[[Any, float], None],
+    look: Callable[[], None] = lambda: None,
 ) -> None:
-    """Run `work` in a thread; what it passes on is taken here, in the loop."""
+    """Run `work` in a thread; what it passes on is taken here, in the loop.
+
+    Args:
+        work: Ends soon after its event is set.
+        take: Takes what was passed on, and when that came.
+        look: Called now and then meanwhile.
+    """
     loop, stop = asyncio.get_running_loop(), threading.Event()
 
     def pass_on(what: Any, arrival: float) -> None:
@@ -371,6 +338,7 @@ async def _in_thread(
     try:
         while thread.is_alive():
             await asyncio.sleep(0.5)
+            look()
     finally:
         stop.set()
 

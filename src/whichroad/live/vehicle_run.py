@@ -13,6 +13,7 @@ from ..online import Localizer
 from ..readers.names import told_of
 from .addresses import Address
 from .broadcaster import Broadcaster
+from .can_bus import read_can
 from .checkpoint import Checkpoint
 from .decode import CanStream, NmeaStream
 from .filter_loop import FilterLoop
@@ -20,7 +21,7 @@ from .health import Health
 from .nmea_output import NmeaOutput
 from .reading_lines import ReadingLines
 from .recording import Recorder, folder_of, make_folder
-from .sources import READERS, Deliver, NmeaInput, read_can
+from .sources import READERS, Deliver, NmeaInput
 from .troubles import Troubles
 
 _DELAYED = 10.0  # s by which a fix may be late; one more behind is of another clock

@@ -4,27 +4,28 @@ Rear-wheel counters come first, as in the paper; then wheel speeds, speed with y
 an odometer with yaw rate, an odometer, speed alone.
 """
 
-import difflib
 import math
 from collections import Counter
 from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ReadError, comes_with
+from ..errors import ReadError
 from ..geodesy.angles import DEGREE, degrees
 from ..geodesy.units import KMH, KNOT, MPH
 from ..observations import Array, Drive, OdometryLog, SensorReading
 from ..settings import Vehicle
 from ..wording import by_reason
 from .can_absent import NOT_AVAILABLE, absent
-from .can_frames import Frames, key, read_frames
-from .checks import LAST, NO_TIME, Skipped, counted_warnings, in_order, keep, listed
+from .can_frames import Frames, read_frames
+from .can_signals import Signal, find_signals, names_of, senders_of
+from .checks import LAST, NO_TIME, Skipped, in_order, keep, listed
 from .drive_columns import odometer, odometer_from_speed, speed_yaw_rate, steered, unused, yaw_rates
+from .j1939 import unmarked
 from .names import SENSED
 from .table_units import possible_yaw_rate
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
@@ -52,15 +53,6 @@ def si_factor(unit: str) -> float | None:
     """The factor to SI of a unit as a .dbc writes it; None: the unit is not known."""
     # cantools takes a .dbc for cp1252; in those in UTF-8 the degree sign has a letter before it
     return SI_UNITS.get(unit.lower().replace(" ", "").replace("â°", "°"))
-
-
-class Signal(NamedTuple):
-    """A signal of the .dbc and where it is in its frame."""
-
-    name: str
-    frame: int  # as `can_frames.key` makes it
-    about: Any  # cantools' description
-    message: Any
 
 
 Series = tuple[Array, Array]  # times, values
@@ -98,26 +90,35 @@ def read_can(
         raise ReadError(f"{where}: a CAN log needs the .dbc that describes it; give --dbc FILE")
     skipped: Skipped = Counter()
     signals = find_signals(dbc, vehicle, skipped, columns)
-    frames = read_frames(path, {s.frame for s in signals.values()}, skipped)
-    notes: list[str] = []
+    senders = senders_of(signals)
+    frames = read_frames(path, names_of(signals), skipped)
+    came = {s.frame: s.frame for s in signals.values() if not s.j1939 and s.frame in frames}
+    came |= senders.chosen(frames)
+    missing = [s for s in signals.values() if s.frame not in came]
+    notes = [f"frame {one.message}: {one.text}" for one in senders.told()]
     used = reverse_value(signals, vehicle)
     series = {
         role: _series(
-            signal, role, frames[signal.frame], used if role == "reverse" else None, skipped, notes
+            signal, role, frames[came[signal.frame]], used if role == "reverse" else None,
+            skipped, notes,
         )
         for role, signal in signals.items()
-        if signal.frame in frames
-    }
+        if signal.frame in came
+    }  # fmt: skip
     series = {role: one for role, one in series.items() if len(one[0])}
     sensed = _sensed({r: series.pop(r) for r in list(series) if r.startswith(SENSED)})
     log = _odometry(series, signals, vehicle, skipped, notes)
     if log is None and not sensed:
         silent = sorted(f"{s.name} (frame {s.message.name})" for s in signals.values())
         why = f" ({by_reason(skipped)})" if skipped else ""
+        ids = listed(sorted({s.where for s in missing}))
+        right = f"no frame {ids} came; " if missing else ""
+        right += unmarked(missing, frames) or "is it the right .dbc?"
         raise ReadError(
             f"{where}: none of {', '.join(silent)} moves the vehicle in it{why}; both rear wheels, "
-            "speed with yaw rate, an odometer or a speed were expected; is it the right .dbc?"
+            f"speed with yaw rate, an odometer or a speed were expected; {right}"
         )
+    notes += [f"signal {s.name}: no frame {s.where} is in the log" for s in missing]
     if log is not None:
         notes += unused({role for role, (_, values) in series.items() if len(values)}, log)
     return Drive(
@@ -133,63 +134,6 @@ def _sensed(series: dict[str, Series]) -> tuple[SensorReading, ...]:
             if math.isfinite(value):
                 at.setdefault(when, {})[role.removeprefix(SENSED)] = value
     return tuple(SensorReading(when, at[when]) for when in sorted(at))
-
-
-def find_signals(
-    dbc: str | PathLike[str], vehicle: Vehicle, skipped: Skipped, columns: Iterable[str] = ()
-) -> dict[str, Signal]:
-    """Role -> signal, for the roles that the vehicle names, and columns of further sensors.
-
-    Of messages or signals of one name the first counts.
-
-    Raises:
-        ReadError: The .dbc is not one, or does not know a signal; the closest are offered.
-    """
-    with comes_with("can", f"{Path(dbc).name}: a CAN database"):
-        import cantools
-
-    where = Path(dbc).name
-    try:
-        with counted_warnings("cantools", "message repeated in the .dbc", skipped):
-            base: Any = cantools.database.load_file(str(dbc))
-        messages = base.messages
-    except Exception as error:  # cantools lets out whatever its parsers meet
-        first = str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-        raise ReadError(f"{where}: not a CAN database ({first}); a .dbc was expected") from None
-    known = {
-        name: Signal(signal.name, key(m.frame_id, m.is_extended_frame), signal, m)
-        for m in reversed(messages)
-        for signal in m.signals
-        for name in (f"{m.name}.{signal.name}", signal.name)
-    }
-    roles = {r: n for r, n in vehicle.signals.items() if r != "reverse_value"}
-    further = {alias: vehicle.sensors.get(alias.removeprefix(SENSED)) for alias in columns}
-    roles |= {alias: name for alias, name in further.items() if name and alias.startswith(SENSED)}
-    names = sorted({s.name for s in known.values()})
-    if not roles:
-        raise ReadError(
-            f"{where}: the vehicle names no [signals]; a vehicle.toml (--vehicle) was expected "
-            'with lines such as wheel_rl_ticks = "SIGNAL" under [signals]; the .dbc offers '
-            f"{listed(names, 40)}"
-        )
-    found = {}
-    for role, name in roles.items():
-        part = "[sensors]" if role.startswith(SENSED) else "[signals]"
-        about = f"{where}: {part} {role.removeprefix(SENSED)} of the vehicle is {name!r}"
-        if name not in known:
-            close = difflib.get_close_matches(name, names, 3, 0.5)
-            hint = f"did you mean {' or '.join(close)}? " if close else ""
-            raise ReadError(
-                f"{about}, which this .dbc does not know; {hint}it offers {listed(names, 40)}"
-            )
-        signal = known[name]
-        if signal.about.multiplexer_ids:
-            raise ReadError(
-                f"{about}, a multiplexed signal; "
-                "a signal that is in every frame of its message was expected"
-            )
-        found[role] = signal
-    return found
 
 
 def decode(signal: Any, data: Any) -> Array:

@@ -1,7 +1,7 @@
 """CAN frames of a log: candump text by our own parser, other formats by python-can."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
@@ -36,6 +36,9 @@ _BY_LIBRARY = {  # suffix -> python-can's class and the mode it wants
 }
 
 
+Names = Callable[[int], int | None]  # an id -> that under which its frames are kept, or none
+
+
 class Frames(NamedTuple):
     """Frames of one id, in the order of the log."""
 
@@ -49,12 +52,14 @@ def key(identifier: int, extended: bool) -> int:
     return identifier | EXTENDED if extended else identifier
 
 
-def read_frames(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> dict[int, Frames]:
+def read_frames(
+    path: str | PathLike[str], wanted: set[int] | Names, skipped: Skipped
+) -> dict[int, Frames]:
     """The frames with the wanted ids.
 
     Args:
         path: candump text (compact or spaced), or anything python-can reads.
-        wanted: Ids as `key` makes them.
+        wanted: Ids as `key` makes them, or what gives each id the one to keep it under.
         skipped: Where to count lines that are no frames, remote and error frames.
 
     Returns:
@@ -63,17 +68,18 @@ def read_frames(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
     Raises:
         ReadError: The file cannot be read or holds no frame.
     """
+    names = {k: k for k in wanted}.get if isinstance(wanted, set) else wanted
     if Path(path).suffix.lower() in _BY_LIBRARY:
-        found = _by_library(path, wanted, skipped)
+        found = _by_library(path, names, skipped)
     else:
-        found = _candump(path, wanted, skipped)
+        found = _candump(path, names, skipped)
     return {k: _columns(rows) for k, rows in found.items()}
 
 
 Rows = list[tuple[float, bytes]]
 
 
-def _candump(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> dict[int, Rows]:
+def _candump(path: str | PathLike[str], names: Names, skipped: Skipped) -> dict[int, Rows]:
     content = read_bytes(path)
     frames = _COMPACT.findall(content) or _SPACED.findall(content)
     if not frames:
@@ -95,8 +101,7 @@ def _candump(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> d
         if extended and identifier & _ERROR:
             skipped["error frame"] += 1
             continue
-        k = key(identifier, extended)
-        if k in wanted:
+        if (k := names(key(identifier, extended))) is not None:
             text = data.replace(b" ", b"").replace(b"\t", b"")
             if len(text) % 2:
                 skipped["frame cut short"] += 1
@@ -105,7 +110,7 @@ def _candump(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> d
     return found
 
 
-def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -> dict[int, Rows]:
+def _by_library(path: str | PathLike[str], names: Names, skipped: Skipped) -> dict[int, Rows]:
     found: dict[int, Rows] = {}
     count = 0
     try:
@@ -116,10 +121,9 @@ def _by_library(path: str | PathLike[str], wanted: set[int], skipped: Skipped) -
                 messages = _messages(path)
             for time, identifier, extended, data, is_data in messages:
                 count += 1
-                k = key(identifier, extended)
                 if not is_data:
                     skipped["remote or error frame"] += 1
-                elif k in wanted:
+                elif (k := names(key(identifier, extended))) is not None:
                     found.setdefault(k, []).append((time, data))
     except (ReadError, SettingError):
         raise
