@@ -177,7 +177,8 @@ def test_dead_reckoned_places_are_left_out_while_odometry_with_turns_is_heard(
     monkeypatch.setitem(READERS, "udp", lambda address, health, make: made.append(make()))
     car = Localizer(town, vehicle=ride.vehicle)
     run = VehicleRun(Fitted(car, nmea=[nmea_address("udp://:1")]), window=1.0, rate=10.0)
-    run.inputs(by_arrival)
+    [begin] = run.inputs(by_arrival)
+    begin()
     loop, some = run.filter_loop, bursts(log)[:12]
 
     async def feed():
@@ -213,7 +214,8 @@ def test_dead_reckoned_places_are_used_once_they_move_on_while_odometry_stands(
     monkeypatch.setitem(READERS, "udp", lambda address, health, make: made.append(make()))
     car = Localizer(town, vehicle=ride.vehicle)
     run = VehicleRun(Fitted(car, nmea=[nmea_address("udp://:1")]), window=1.0, rate=10.0)
-    run.inputs(False)
+    [begin] = run.inputs(False)
+    begin()
 
     async def feed():
         for k, burst in enumerate(bursts(log)[:40]):

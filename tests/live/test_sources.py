@@ -1,6 +1,7 @@
 """Sources that cannot be opened say why, once; they are tried again, and end without a word."""
 
 import asyncio
+import gc
 import itertools
 import os
 import signal
@@ -11,11 +12,13 @@ import time
 import pytest
 
 from live.service import Served, free_port, knock, on_air
-from whichroad import SettingError
-from whichroad.live.addresses import nmea_address
+from whichroad import Localizer, ReadError, SettingError, Vehicle
+from whichroad.live.addresses import can_address, nmea_address
 from whichroad.live.decode import NmeaStream
 from whichroad.live.health import Health
+from whichroad.live.server import Plan, Run
 from whichroad.live.sources import NmeaInput, read_tcp
+from whichroad.live.vehicle_run import Fitted
 from whichroad.readers import read_drive
 from whichroad.simulate.drive_files import nmea_text
 
@@ -180,3 +183,21 @@ def test_a_port_that_another_has_is_named(files):
             _, said = served.process.communicate(timeout=120)
             assert served.process.returncode == 1
     assert f"listen://127.0.0.1:{port} cannot be opened (Address already in use)" in said
+
+
+@pytest.mark.parametrize("broken", ["port", "dbc"])
+@pytest.mark.filterwarnings("error")
+def test_what_cannot_be_begun_leaves_nothing_half_begun(town, tmp_path, broken):
+    """Python warns of coroutines that were never awaited, behind the refusal."""
+    dbc = tmp_path / "car.dbc"
+    dbc.write_text('VERSION ""\nBU_: X\nBO_ 1 A: 8 X\n SG_ V : 0|8@1+ (1,0) [0|0] "km/h" X\n')
+    car, bad = Vehicle(signals={"speed": "V"}), tmp_path / "bad.dbc"
+    bad.write_text("BO_ x")
+    can = [(can_address("virtual:none"), dbc if broken == "port" else bad)]
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        nmea = [nmea_address(f"udp://127.0.0.1:{free_port()}")]
+        fitted = Fitted(Localizer(town, vehicle=car), nmea=nmea, can=can)
+        run = Run(Plan([fitted], port=other.getsockname()[1]))
+        with pytest.raises((SettingError, ReadError), match=r"in use|not a CAN database"):
+            asyncio.run(run.run())
+    gc.collect()

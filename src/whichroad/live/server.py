@@ -27,7 +27,7 @@ from .checkpoint import EVERY
 from .messages import Around, Messages
 from .playback import Player, RecordedObservations
 from .traces import Traces
-from .vehicle_run import Fitted, VehicleRun
+from .vehicle_run import Fitted, Input, VehicleRun
 from .web_server import listen, web_server
 
 _TICK = 0.05  # s
@@ -145,7 +145,7 @@ class Run:
         sock = listen(plan.host, plan.port)
         gc.collect()
         gc.freeze()
-        tasks = [asyncio.create_task(self._guard(one)) for one in inputs]
+        tasks = [asyncio.create_task(self._guard(begin())) for begin in inputs]
         if plan.once or self.player is not None:
             tasks.append(asyncio.create_task(self._until_end(list(tasks))))
         tasks += [asyncio.create_task(self._guard(self._clock()))]
@@ -161,8 +161,8 @@ class Run:
         if self.broken is not None:
             raise self.broken
 
-    def _inputs(self) -> list[Coroutine[Any, Any, None]]:
-        """The coroutines that bring observations."""
+    def _inputs(self) -> list[Input]:
+        """What brings observations."""
         plan, filter_loop = self.plan, self.filter_loop
         if plan.recording is not None:
             self.player = Player(

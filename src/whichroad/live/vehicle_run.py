@@ -26,6 +26,7 @@ from .troubles import Troubles
 
 _DELAYED = 10.0  # s by which a fix may be late; one more behind is of another clock
 _LATE = "time running backwards"
+Input = Callable[[], Coroutine[Any, Any, None]]  # begins to read a source, for ever
 MOST_ROWS = 20_000  # rows waiting to be recorded, at most
 
 
@@ -115,8 +116,8 @@ class VehicleRun:
         if not self._played:
             self.filter_loop.recorded = recorder.until
 
-    def inputs(self, by_arrival: bool) -> list[Coroutine[Any, Any, None]]:
-        """The coroutines that bring observations, with the sensors' times or those of arrival."""
+    def inputs(self, by_arrival: bool) -> list[Input]:
+        """What brings observations, with the sensors' times or those of arrival."""
         fitted, filter_loop = self.fitted, self.filter_loop
         car, settings = fitted.localizer.vehicle, fitted.localizer.settings
         columns = fitted.localizer.sensor_columns
@@ -129,7 +130,7 @@ class VehicleRun:
         def stood(at: float) -> float:
             return filter_loop.heard.stood(time.time() if by_arrival else at)
 
-        inputs: list[Coroutine[Any, Any, None]] = []
+        inputs: list[Input] = []
         for address in fitted.nmea:
             health = filter_loop.sensor(name_of(address), "gnss")
             offset = car.clock_offset.get("gnss", 0.0)
@@ -142,19 +143,18 @@ class VehicleRun:
                 sensor = partial(filter_loop.sensor, f"{name}, sensors", "wheels")
                 return NmeaInput(health, stream, deliver, sensor)
 
-            inputs.append(READERS[address.kind](address, health, make))
+            inputs.append(partial(READERS[address.kind], address, health, make))
         for address, dbc in fitted.can:
             health = filter_loop.sensor(name_of(address), "wheels")
             offset = car.clock_offset.get("can", car.clock_offset.get("odometry", 0.0))
             stream = self.buses[name_of(address)] = CanStream(dbc, car, offset, columns)
             if self.checkpoint is not None:
                 stream.resume(self.checkpoint.counted.get(name_of(address), {}))
-            inputs.append(read_can(address, health, stream, deliver))
+            inputs.append(partial(read_can, address, health, stream, deliver))
         for address in fitted.readings:
             health = filter_loop.sensor(name_of(address), "readings")
-            inputs.append(
-                READERS[address.kind](address, health, partial(self._lines, health, deliver))
-            )
+            lines = partial(self._lines, health, deliver)
+            inputs.append(partial(READERS[address.kind], address, health, lines))
         return inputs
 
     def _lines(self, health: Health, deliver: Deliver) -> NmeaInput:
