@@ -161,6 +161,23 @@ def test_every_form_of_the_table_gives_the_same_map(town, tmp_path):
         same(roads, RoadMap.from_edges(form), 0.02)  # GeoJSON has seven decimals
 
 
+@pytest.mark.parametrize(
+    ("delimiter", "name"),
+    [(";", "a.csv"), ("\t", "a.csv"), ("|", "a.csv"), (";", "a.csv.gz"), ("\t", "a.tsv"),
+     (";", "a.tsv")],
+)  # fmt: skip
+def test_cells_are_parted_as_the_line_of_names_is(town, tmp_path, delimiter, name):
+    """Those of a European spreadsheet have semicolons, and commas within numbers."""
+    roads = RoadMap.from_edges(town.assign(width=3.25, name="Hof 1,5"))
+    table = town.assign(width="3,25", name="Hof 1,5").to_wkt(rounding_precision=15)
+    table.loc[0, "width"] = ""
+    table.to_csv(tmp_path / name, index=False, sep=delimiter, encoding="utf-8-sig")
+    read = RoadMap.from_edges(tmp_path / name)
+    same(roads, read, 1e-9)
+    assert read.name(0) == "Hof 1,5"
+    assert set(read.column("width")) == {None, 3.25}
+
+
 def test_a_projected_table_gives_the_same_map(town, tmp_path):
     roads = RoadMap.from_edges(town)
     metres = town.to_crs("EPSG:32632")

@@ -1,5 +1,6 @@
 """Opening a table of roads: files and tables of any kind to `sheet.Sheet`."""
 
+import csv
 import warnings
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from .graphs import is_graph, read_graphml, sheet_of_graph
 from .sheet import Sheet, from_arrow, from_frame
 
 _EDGES = "edges"  # the layer of OSMnx with the lines
+_HEAD = 1 << 16  # bytes within which the line of names ends
 
 
 def open_sheet(table: Any) -> Sheet:
@@ -95,24 +97,55 @@ def _layer(path: Path) -> str | None:
 
 
 def read_csv(path: Path) -> Any:
-    """A CSV file, compressed or not, as an Arrow table; words that are not UTF-8 are mended."""
+    """A CSV file, compressed or not, as an Arrow table; words that are not UTF-8 are mended.
+
+    Commas, semicolons, tabs or bars part its cells, as the line of names shows.  Where commas do
+    not, numbers may have them for points.
+    """
     import pyarrow as pa
-    from pyarrow import csv
+    import pyarrow.csv
 
     with path.open("rb") as f:
         compressed = f.read(2) == b"\x1f\x8b"
-    if compressed:
-        source: Any = pa.CompressedInputStream(str(path), "gzip")
-    else:
-        source = str(path)
-    delimiter = "\t" if path.suffix == ".tsv" else ","
-    table = csv.read_csv(
-        source,
-        read_options=csv.ReadOptions(block_size=1 << 24),  # a long road is a long line
-        parse_options=csv.ParseOptions(delimiter=delimiter, newlines_in_values=True),
-    )
+
+    def opened() -> Any:
+        return pa.CompressedInputStream(str(path), "gzip") if compressed else pa.OSFile(str(path))
+
+    with opened() as source:
+        head = source.read(_HEAD)
+    delimiter = _delimiter(head, path.suffix == ".tsv")
+    with opened() as source:
+        table = pyarrow.csv.read_csv(
+            source,
+            read_options=pyarrow.csv.ReadOptions(block_size=1 << 24),  # a long road is a long line
+            parse_options=pyarrow.csv.ParseOptions(delimiter=delimiter, newlines_in_values=True),
+        )
     for i, column in enumerate(table.columns):
         if pa.types.is_binary(column.type):  # one word of it is not UTF-8
             words = [c if c is None else c.decode(errors="replace") for c in column.to_pylist()]
-            table = table.set_column(i, table.column_names[i], pa.array(words))
+            column = pa.chunked_array([pa.array(words)])
+        if delimiter != "," and pa.types.is_string(column.type):
+            column = _with_points(column)
+        table = table.set_column(i, table.column_names[i], column)
     return table
+
+
+def _delimiter(head: bytes, tabs: bool) -> str:
+    """What parts the names into most; of equal ones a comma, or a tab in a file of tabs."""
+    text = head.decode("utf-8-sig", "replace")
+    line = next((line for line in text.splitlines() if line.strip()), "")
+    order = ("\t", ",", ";", "|") if tabs else (",", ";", "\t", "|")
+    return max(order, key=lambda one: len(next(csv.reader([line], delimiter=one), [])))
+
+
+def _with_points(column: Any) -> Any:
+    """A column of numbers with decimal commas as numbers; others stay."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    said = pc.if_else(pc.equal(pc.utf8_trim_whitespace(column), ""), None, column)
+    alike = pc.match_substring_regex(said, r"^\s*[-+]?\d+(,\d+)?\s*$")
+    if not pc.all(alike).as_py() or not pc.any(pc.match_substring(said, ",")).as_py():
+        return column
+    points = pc.replace_substring(pc.utf8_trim_whitespace(said), ",", ".")
+    return points.cast(pa.float64())
