@@ -88,18 +88,19 @@ def _predict_off_road(hyp: Record, state: Record, fix: SparseFix) -> None:
     way = max(mean[K], _LEAST_SPEED) * fix.dt
     square = way * way + process.variance + fix.dt * fix.dt * cov[K, K]
     forward = chord.mean * fix.dt
-    least = (forward * mean[K]) ** 2
-    along = square * chord.along - least - forward * forward * cov[K, K]
-    across = square * chord.across - least * cov[H, H]
+    mapped = (forward * mean[K]) ** 2
+    along = square * chord.along - mapped - forward * forward * cov[K, K]
+    across = square * chord.across - mapped * cov[H, H]
     c, s = math.cos(mean[H]), math.sin(mean[H])
     dx = (fix.x - mean[X]) / state.scale - c * forward * mean[K]
     dy = (fix.y - mean[Y]) / state.scale - s * forward * mean[K]
     off = max(math.hypot(dx, dy) - 2.0 * fix.jitter, 0.0)
     tail = _TAIL * min(off, _MOST_SPEED * fix.dt) ** 2
-    q = Noise(
-        max(along, tail, process.variance), max(across, tail, process.variance), walked, 0.0, 0.0,
-        0.0,
-    )  # fmt: skip
+    least = max(tail, process.variance)
+    q = Noise(max(along, least), max(across, least), walked, 0.0, 0.0, 0.0)
+    anywhere = max(0.5 * way * way, tail) + process.variance + fix.sigma**2
+    seen = math.sqrt((q.along + fix.sigma**2) * (q.across + fix.sigma**2))
+    hyp.log_weight -= max(math.log(anywhere / seen), 0.0)  # else who drives straight on gains
     predict_plane(mean, cov, Increment(forward, 0.0, forward, 0.0, 0.0), state.scale, q)
     decay(mean, cov, K, mean[K], process.keep, SPEED_SIGMA * SPEED_SIGMA)
     forget_leg(hyp.leg)
