@@ -182,12 +182,14 @@ def test_braking_that_no_speed_tells_is_soon_followed():
 @pytest.mark.parametrize("scale", [1.0, 1.4, 1.9, 4.0])
 def test_a_receiver_that_errs_by_twice_what_it_reports_has_longer_tails(scale: float):
     state, par = new_belief().state[0], parameters(WIDE, Vehicle(), CLOCK)[0]
-    state.mode, state.road_energy[1] = CLOCK, 20.0
+    state.mode, state.road_energy[1], state.reported[1] = CLOCK, 20.0, 3.0
     state.gnss_factor = 1.0
     usual = tail_of(state, par)
     state.gnss_factor = scale**2
     longer = tail_of(state, par) / usual
     assert (longer > 1.4) if scale > 1.8 else longer == pytest.approx(1.0)
+    state.reported[1] = 0.02  # by carrier phase
+    assert tail_of(state, par) == pytest.approx(usual)
     state.mode = WHEELS
     with_wheels = tail_of(state, par)
     state.gnss_factor = 1.0

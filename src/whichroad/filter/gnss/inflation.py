@@ -20,7 +20,8 @@ _PRIOR = 0.3  # weight of the factor believed before, in times for which errors 
 _FREEDOM = 16.0  # degrees of freedom of what is believed of the factor before,
 _FREEDOM_WHEELS = 8.0  # and beside wheels, which soon know more
 _UNTRUE, _FAR_FROM_TRUE = 1.5, 1.9  # of the scale, between which it falls to
-_FREEDOM_UNTRUE = 6.0  # where errors differ from place to place
+_FREEDOM_UNTRUE = 6.0  # where errors differ from place to place,
+_REFLECTS = 0.5  # m, of receivers that report more than this
 _ONE_MORE = 3.0  # s beside wheels, in which another degree of freedom is learnt
 _REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
 _WILD = 7.0  # squared error of a receiver alone over its scale: 3 % are larger
@@ -43,14 +44,15 @@ def tail_of(state: Record, par: Record) -> float:
 
     with ν = 8 + t/3 after t seconds beside wheels.  Without them it is 16 + twice the number of
     errors that roads have shown: Doppler shows no slow ones.  It is 6 where errors are about
-    twice as large as reported: among reflections they differ from one street to the next.
+    twice as large as reported: among reflections they differ from one street to the next.  A
+    solution by carrier phase has none of metres.
     """
     if par.gnss_adapt_time >= NEVER:
         return 1.0
     freedom = _FREEDOM + 2.0 * state.road_energy[1]
     if state.mode == WHEELS:
         freedom = _FREEDOM_WHEELS + state.learnt_time / _ONE_MORE
-    else:
+    elif state.reported[1] >= _REFLECTS:
         share = (math.sqrt(state.gnss_factor) - _UNTRUE) / (_FAR_FROM_TRUE - _UNTRUE)
         freedom += min(max(share, 0.0), 1.0) * (_FREEDOM_UNTRUE - freedom)
     usual = -2.0 * math.log(par.protection_risk)
