@@ -17,7 +17,6 @@ from .candidates import KNOWN, LEAST_ELSEWHERE, P_ELSEWHERE, SPAN, SparseFix
 
 _KEPT = 0.5  # of what was dropped before, at the next fix,
 _LASTS = 3.0  # s, and for which it is remembered where fixes come more often
-_VAGUE = 100.0  # m, sigma of fixes by which alone no road is sure
 _LEAST = 1e-5  # share of the likelihood that is not noted
 _BEFORE = 0.1  # of what was dropped later, at the fix before: most of it came from the same way
 
@@ -68,7 +67,8 @@ def note_dropped(belief: Belief, ctx: Context, fix: SparseFix, whole: float, fir
 def forget_dropped(belief: Belief, ctx: Context) -> None:
     """A fix that no ways were searched for: the roads decide from fix to fix again.
 
-    By coarse ones too many roads are likely for all of them to be followed.
+    By coarse ones too many roads are likely for all of them to be followed, and none is sure until
+    the place is known far better than by one of them.
     """
     state = belief.state[0]
     dropped = state.separation.dropped
@@ -81,8 +81,8 @@ def forget_dropped(belief: Belief, ctx: Context) -> None:
     if state.mode == CLOCK and sigma >= COARSE and not known:
         near = ctx.work.near
         found = closest(ctx.roads, state.fix_1[0], state.fix_1[1], SPAN * sigma, near)
-        least = LEAST_ELSEWHERE if sigma >= _VAGUE else 0.0
-        dropped.p = max(dropped.p, P_ELSEWHERE * share_beyond(found, near, sigma), least)
+        missed = P_ELSEWHERE * share_beyond(found, near, sigma)
+        dropped.p = max(dropped.p, missed, LEAST_ELSEWHERE)
         dropped.sigma = sigma
 
 
