@@ -109,3 +109,22 @@ def test_places_are_surer_than_honest_fixes_of_a_hundred_metres(sigma: float, ev
         assert (np.hypot(dx, dy) < points.protection_level_m).mean() > 0.995
     assert np.square(error).mean() < 0.7**2 * np.square(fix).mean()
     assert np.mean(inside) > 0.87
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+@pytest.mark.parametrize("coarse", [60.0, 200.0])
+def test_coarse_fixes_between_fine_ones_do_not_make_these_less_sure(coarse: float, lag):
+    """A phone that tells its receiver's place and the network's by turns."""
+    way = town.corners(*ROUND)
+    time, place = along(way, 9.0, 1.0)
+    sigma = np.where(np.arange(len(time)) % 2, coarse, 5.0)
+    for seed in range(3):
+        error = np.random.default_rng(seed).normal(size=place.shape) * sigma[:, None]
+        lat, lon = PLANE.to_geodetic(*(place + error).T)
+        table = {"time": 1.6e9 + time, "lat": lat, "lon": lon, "sigma_m": sigma}
+        points = whichroad.match(table, town.roads(), lag=lag).points
+        x, y = PLANE.from_geodetic(points.lat.to_numpy(), points.lon.to_numpy())
+        off = np.hypot(x - place[:, 0], y - place[:, 1])
+        assert np.median(off) < 5.0
+        assert (off > points.protection_level_m).mean() < 0.005
+        assert points.protection_level_m.median() < 50.0

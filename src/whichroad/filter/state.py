@@ -164,8 +164,8 @@ FILTER = np.dtype(
         ("gnss_cov", "f8", (3,)),  # reported covariance, smoothed: xx, xy, yy, m²
         ("bias_cov", "f8", (3,)),  # covariance that scales the bias states, m²
         ("bias_root", "f8", (3,)),  # its symmetric root S, m
-        ("fix_1", "f8", (3,)),  # x, y (plane), time of the last fix
-        ("fix_2", "f8", (3,)),  # and of the one before
+        ("fix_1", "f8", (4,)),  # x, y (plane), time, variance (m²) of the last fix
+        ("fix_2", "f8", (4,)),  # and of the one before
         ("fix_across", "f8"),  # offset of the last sparse fix from the road, m,
         ("across_heading", "f8"),  # that road's heading, rad,
         ("across_time", "f8"),  # and the time, s

@@ -300,8 +300,8 @@ def observe_white(
 
         e = z_k - (1 + a) z_k-1 + a z_k-2,    a = (t_k - t_k-1) / (t_k-1 - t_k-2)
 
-    has the variance (1 + (1 + a)^2 + a^2) white^2 on each axis, and the acceleration's, which
-    is little between fixes a second or two apart.
+    has the variance (s_k + (1 + a)^2 s_k-1 + a^2 s_k-2) white^2 on each axis, by the reported
+    variances s, and the acceleration's, which is little between fixes a second or two apart.
 
     Returns:
         The bias' factor and the white sigma over the reported one, both as they are now: what
@@ -319,18 +319,16 @@ def observe_white(
         a = last / first
         ex = (fix[0] - (1.0 + a) * one[0] + a * two[0]) / state.scale
         ey = (fix[1] - (1.0 + a) * one[1] + a * two[1]) / state.scale
-        seen = (ex * ex + ey * ey) / (2.0 * (1.0 + (1.0 + a) ** 2 + a * a))
+        reported = fix[2] * fix[3] + (1.0 + a) ** 2 * one[3] + a * a * two[3]
         usual = max(state.white_factor, par.gnss_white_ratio**2)
-        seen = min(seen / (fix[2] * fix[3]), 4.0 * usual)
+        seen = min(0.5 * (ex * ex + ey * ey) / reported, 4.0 * usual)
         gain = max(
             last / (_PRIOR_TIME + state.learnt_time), 1.0 - math.exp(-last / par.gnss_adapt_time)
         )
         state.white_factor += min(gain, 1.0) * (seen - state.white_factor)
-    for i in range(3):
+    for i in range(4):
         two[i] = one[i]
-    one[0] = fix[0]
-    one[1] = fix[1]
-    one[2] = epoch.time
+    one[0], one[1], one[2], one[3] = fix[0], fix[1], epoch.time, fix[2] * fix[3]
     if is_inflated(state, par, epoch) and fix[2] < COARSE:
         return factor, math.sqrt(max(state.white_factor, par.gnss_white_ratio**2))
     if fix[2] >= COARSE and last > _NEXT:  # much of what they err by is new
