@@ -168,3 +168,12 @@ def test_the_tree_of_the_architecture_page_lists_the_modules():
     core = [m for f in ("filter", "graph") for m in (PACKAGE / f).rglob("*.py")]
     modules = {m.name for m in [*PACKAGE.glob("*.py"), *core]}
     assert set(LISTED.findall(tree[0])) == modules - {"__init__.py", "__main__.py"}
+
+
+def test_the_tree_of_the_architecture_page_lists_the_folders():
+    tree = _FENCE.search((ROOT / "docs" / "architecture.md").read_text("utf-8"))
+    assert tree is not None
+    named = set(re.findall(r"(?:^|  )([a-z_]+(?:/[a-z_]+)?)/(?= )", tree[0], re.M))
+    tops = {p for p in PACKAGE.iterdir() if (p / "__init__.py").is_file()}
+    core = {p.parent for p in (PACKAGE / "filter").rglob("__init__.py")}
+    assert named == {p.relative_to(PACKAGE).as_posix() for p in tops | core}
