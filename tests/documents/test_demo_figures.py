@@ -1,5 +1,6 @@
 """What README says of the demo's drive is what the demo gives today."""
 
+import itertools
 import re
 from pathlib import Path
 from typing import Any
@@ -62,7 +63,9 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         patch.setattr(whichroad.demo, "plot_methods", methods)
         summary = whichroad.demo.run_demo(out, force=True)
     truth = pq.read_table(out / "truth.parquet")
-    kept["wheels"] = Answer(pq.read_table(out / "points.parquet"), truth)
+    kept["points"] = pq.read_table(out / "points.parquet")
+    kept["path"] = pq.read_table(out / "path.parquet")
+    kept["wheels"] = Answer(kept["points"], truth)
     kept["said"] = summary["said"]
     return kept
 
@@ -122,3 +125,24 @@ def test_at_the_fork_the_wheels_decide_as_soon_as_said(shown: dict[str, Any]):
     wheels = shown["wheels"]
     fork = wheels.time[(wheels.time > shown["windows"][1].begin) & (wheels.p < _SURE)][0]
     assert wheels.sure_from(fork) - fork <= within, _AGAIN
+
+
+def test_alternatives_are_all_candidates_the_most_probable_first(shown: dict[str, Any]):
+    """As the reference and the page on probabilities say."""
+    for row in (
+        shown["points"].select(["edge_id", "p_road", "p_off_road", "alternatives"]).to_pylist()
+    ):
+        found = row["alternatives"]
+        assert found[0]["edge_id"] == row["edge_id"]
+        assert found[0]["p"] == pytest.approx(row["p_road"], abs=1e-6)
+        assert len(found) <= 6
+        assert row["p_off_road"] + sum(one["p"] for one in found) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_rows_of_the_path_follow_each_other(shown: dict[str, Any]):
+    """In time and at nodes; and the route is no surer than its edges."""
+    rows = shown["path"].to_pylist()
+    for a, b in itertools.pairwise(rows):
+        assert a["to_node"] == b["from_node"]
+        assert a["exit_time"] == b["enter_time"]
+    assert all(row["p_route"] <= row["p"] + 1e-9 for row in rows)
