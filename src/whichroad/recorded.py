@@ -75,7 +75,7 @@ class Recorded(NamedTuple):
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
-        """Settings that do not fit the data; found when asked for."""
+        """Sensors, settings, maps and drives that are wrong or do not fit; found when asked for."""
         return (*self.off_roads, *self.diagnose())
 
 

@@ -161,3 +161,10 @@ def test_help_says_what_each_field_of_a_record_is(name: str):
     told = set(re.findall(r"^ +(\w+): ", text, re.M))
     if name not in ("Settings", "Vehicle"):
         assert {f.name for f in fields(record)} - told == set()
+
+
+def test_the_pages_that_the_source_names_exist():
+    source = "".join(path.read_text("utf-8") for path in SOURCE.rglob("*.py"))
+    named = set(re.findall(r"\bdocs/[\w/-]+\.md\b", source))
+    assert len(named) > 5
+    assert {page for page in named if not (ROOT / page).is_file()} == set()

@@ -89,7 +89,11 @@ def match(
         ),
     ] = None,
     path_out: Annotated[
-        Path | None, typer.Option(help="File for the path, one row per edge; same formats.")
+        Path | None,
+        typer.Option(
+            help="File for the path, one row per edge: .parquet, .geoparquet, .geojson, .csv, "
+            ".gpkg, .gpx, .arrow; .rou.xml with --by-source."
+        ),
     ] = None,
     by_source: Annotated[
         bool,

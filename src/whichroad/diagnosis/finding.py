@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A setting, or a sensor, that does not fit the data."""
+    """A sensor, a setting, a map or a drive that does not fit (docs/reference/findings.md)."""
 
     what: str  # `gnss sigma`, `gnss_time`, `map_sigma`, `wheels: scale`, ...
     level: str  # "warning": answers may be wrong; "information": too careful, or a mere note

@@ -42,14 +42,15 @@ _MAP = 1.1  # largest mean square map error over that of the settings
 
 
 def diagnose(answer: Any) -> list[Finding]:
-    """Find the settings that do not fit the data.
+    """Find sensors, settings and maps that do not fit the data.
 
     Args:
         answer: A `Result`, a `Localizer`, or a recorded drive as `localize_recorded` gives it.
 
     Returns:
-        Findings, empty where everything fits, or too little was driven to decide (ten minutes
-        of driving with wheels and fixes; GNSS alone cannot decide).
+        Findings (docs/reference/findings.md), empty where everything fits.  Sensors are named
+        after seconds.  Settings take ten minutes of driving with wheels and fixes: GNSS alone
+        cannot decide.
     """
     return list(answer.diagnosis)
 

@@ -54,7 +54,7 @@ def renamed(tables: Mapping[str, Any], columns: Mapping[str, str]) -> list[dict[
     for name, column in columns.items():
         if name not in KNOWN:
             close = difflib.get_close_matches(name, KNOWN, 3, 0.5)
-            hint = f"did you mean {' or '.join(close)}?" if close else "see docs/formats.md"
+            hint = f"did you mean {' or '.join(close)}?" if close else "see docs/compare.md"
             raise ReadError(
                 f"columns: {name!r} is no column that is compared; one of {', '.join(KNOWN)} was "
                 f"expected; {hint}"

@@ -83,7 +83,7 @@ def evaluate(
 
     Args:
         points: The answer, as pandas, GeoPandas, Arrow or a dict: time, lat, lon, and whatever
-            is known of the points table (docs/formats.md).  Each adds its figures:
+            is known of the points table (docs/reference/columns.md).  Each adds its figures:
             bearing_deg; cov_ee_m2, cov_en_m2, cov_nn_m2 or sigma_m; sigma_bearing_deg; edge_id
             or source_id; abscissa_m; p_road; p_off_road; map_lat, map_lon.
         truth: time, lat, lon, and if known bearing_deg (else the course), edge_id or source_id,

@@ -33,7 +33,7 @@ class Result:
         path: Path, one row per traversed edge.
         summary: What happened, in numbers.
         hypotheses: Poses of the alternatives per epoch, when they were asked for.
-        diagnosis: Settings that do not fit the data.
+        diagnosis: Sensors, settings, maps and drives that are wrong or do not fit.
         find_alternatives: Gives the parts of the route with competing routes; None: not smoothed.
         roads: The map, to be drawn below the answer; a pickled result is without it.
         find_lineage: Gives births and deaths of the hypotheses; None: of several drives.
@@ -135,14 +135,14 @@ class Result:
 
     @property
     def diagnosis(self) -> tuple[Finding, ...]:
-        """Settings that do not fit the data."""
+        """What is wrong, or does not fit, by its name (docs/reference/findings.md)."""
         return cast(tuple[Finding, ...], self._made("diagnosis"))
 
     @cached_property
     def points(self) -> Any:
         """Points as a GeoDataFrame in EPSG:4326; the same one each time.
 
-        Its columns are in docs/formats.md.  What is added to it is kept here, and not in
+        Its columns are in docs/reference/columns.md.  What is added to it is kept here, and not in
         `to_arrow` or `write`, which give the table as it was matched.
         """
         return geo_frame(self.to_arrow())
