@@ -5,6 +5,7 @@ import inspect
 import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -168,3 +169,17 @@ def test_the_pages_that_the_source_names_exist():
     named = set(re.findall(r"\bdocs/[\w/-]+\.md\b", source))
     assert len(named) > 5
     assert {page for page in named if not (ROOT / page).is_file()} == set()
+
+
+PAGES_OF_THE_MODEL = [*(ROOT / "docs" / "model").iterdir(), ROOT / "docs" / "model.md"]
+
+
+@pytest.mark.parametrize("path", PAGES_OF_THE_MODEL, ids=lambda path: path.name)
+def test_a_setting_has_the_default_that_the_model_states(path: Path):
+    """`name` (value): a value in words, such as two sigmas, is not compared."""
+    text = path.read_text("utf-8")
+    stated = re.findall(r"`(\w+)`\s+\((-?[\d.]+(?:e-?\d+)?)[ )]", text)
+    defaults = {field.name: field.default for field in fields(whichroad.Settings)}
+    told = [(name, float(value)) for name, value in stated if name in defaults]
+    assert [one for one in told if one[1] != defaults[one[0]]] == []
+    assert told or path.name not in ("model.md", "motion.md", "gnss.md", "hypotheses.md")
