@@ -148,6 +148,7 @@ def parser() -> argparse.ArgumentParser:
         "--lag", metavar="LAG",
         help="worlds, manoeuvres: smoothed, as `match(lag=...)` is; online: as `Localizer` answers",
     )  # fmt: skip
+    command.add_argument("--copies", metavar="4,16", help="build: towns in each extract")
     command.add_argument("--out", metavar="DIR", help="worlds, places: tables and pictures go here")
     return command
 
@@ -187,7 +188,7 @@ def main() -> int:
             *("tracks", "every", "preset", "seconds", "metres", "model", "processes"),
             *("progress", "classes", "noise", "drives", "resume", "write"),
             *("parts", "intervals", "conditions", "peers", "cache", "faults", "told", "sensors"),
-            *("lag", "out", "scenes"),
+            *("lag", "out", "scenes", "copies"),
         )
     }
     if given["set"]:

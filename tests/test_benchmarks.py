@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -44,3 +45,20 @@ def test_what_a_benchmark_names_exists(name: str):
                     bound[alias.asname or alias.name] = found
     bound = {k: v for k, v in bound.items() if v.__name__.startswith(("whichroad", "benchmarks"))}
     assert [f"{a}.{b}" for a, b in named(tree, bound) if not hasattr(bound[a], b)] == []
+
+
+def test_every_benchmark_has_its_row_in_the_table():
+    from benchmarks.__main__ import BENCHMARKS
+
+    table = (ROOT / "benchmarks" / "README.md").read_text("utf-8").partition("## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.M)) == set(BENCHMARKS)
+
+
+def test_every_option_that_a_benchmark_asks_for_can_be_given():
+    from benchmarks.__main__ import parser
+
+    source = "".join(path.read_text("utf-8") for path in (ROOT / "benchmarks").rglob("*.py"))
+    asked = set(re.findall(r"""\bmore(?:\.get\(|\[)"(\w+)\"""", source)) - {"settings"}
+    given = vars(parser().parse_args(["town"]))
+    assert len(asked) > 10
+    assert asked - set(given) == set()
