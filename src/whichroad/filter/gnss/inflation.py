@@ -21,6 +21,7 @@ _FREEDOM = 16.0  # degrees of freedom of what is believed of the factor before,
 _FREEDOM_WHEELS = 8.0  # and beside wheels, which soon know more
 _UNTRUE, _FAR_FROM_TRUE = 1.5, 1.9  # of the scale, between which it falls to
 _FREEDOM_UNTRUE = 6.0  # where errors differ from place to place,
+_SHOWN = 0.1  # errors that roads have shown, below which they have shown nothing
 _REFLECTS = 0.5  # m, of receivers that report more than this
 _ONE_MORE = 3.0  # s beside wheels, in which another degree of freedom is learnt
 _REMEMBERED = 900.0  # s of motion, for which roads are remembered: streets change
@@ -32,6 +33,13 @@ _PAUSE = 5.0  # s between two starts at its fixes
 _REACQUIRED = 3.0  # s, and
 _UNUSUAL = 3.0  # times the usual interval, of a silence
 _LIGHT = 0.01  # weight below which a hypothesis says nothing
+
+
+@kernel
+def _is_unlearnt(state: Record) -> bool:
+    """Whether the factor is what is believed at first: neither roads nor fixes have shown it."""
+    seen = max(state.innovation_factor, state.windowed_factor, state.bias_factor)
+    return bool(state.gnss_factor > 1.001 * seen and state.road_energy[1] < _SHOWN)
 
 
 @kernel
@@ -52,7 +60,7 @@ def tail_of(state: Record, par: Record) -> float:
     freedom = _FREEDOM + 2.0 * state.road_energy[1]
     if state.mode == WHEELS:
         freedom = _FREEDOM_WHEELS + state.learnt_time / _ONE_MORE
-    elif state.reported[1] >= _REFLECTS:
+    elif state.reported[1] >= _REFLECTS and not _is_unlearnt(state):
         share = (math.sqrt(state.gnss_factor) - _UNTRUE) / (_FAR_FROM_TRUE - _UNTRUE)
         freedom += min(max(share, 0.0), 1.0) * (_FREEDOM_UNTRUE - freedom)
     usual = -2.0 * math.log(par.protection_risk)

@@ -23,6 +23,7 @@ _U_TURN = 5.0  # nats, of turning round between junctions; twice that into a one
 SPAN = 4.0  # sigmas within which roads and distances are considered
 P_ELSEWHERE = 0.1  # P that a vehicle on one of too many roads is not where it was foreseen
 LEAST_ELSEWHERE, KNOWN = 0.02, 25.0  # and at least, where that is not known to so many m
+_APART = 13.8  # squared sigmas from where it was foreseen, beyond which a fix counts alone
 _REACH = 100.0  # m, added to the longest route
 _LABELS = 3000  # of one search
 
@@ -119,7 +120,8 @@ class Disc(NamedTuple):
 def _foreseen(belief: Belief, about: Disc, process: SpeedProcess) -> Disc:
     """About where a coarse fix and the way from where the vehicle was say that it is.
 
-    Within some sigmas of the fix alone are more roads than can be followed.
+    Within some sigmas of the fix alone are more roads than can be followed.  A fix that is far from
+    where the vehicle was foreseen counts alone.
     """
     state = belief.state[0]
     x = y = square = reach = 0.0
@@ -134,6 +136,9 @@ def _foreseen(belief: Belief, about: Disc, process: SpeedProcess) -> Disc:
         reach += hyp.weight * speed * speed
     square -= (x - about.x) ** 2 + (y - about.y) ** 2
     before = 0.5 * (square / state.scale**2 + reach)
+    apart = ((x - about.x) ** 2 + (y - about.y) ** 2) / state.scale**2
+    if apart > _APART * (before + about.sigma**2):
+        return about
     share = before / (before + about.sigma**2)
     return Disc(
         x + share * (about.x - x), y + share * (about.y - y), math.sqrt(share) * about.sigma

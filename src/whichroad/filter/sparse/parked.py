@@ -8,7 +8,7 @@ drives off from the roads beside.
 
 import math
 
-from ..._compile import Record, kernel
+from ..._compile import Record, Vector, kernel
 from ...graph.geometry import locate
 from ...graph.index import closest_few, vertex_at
 from ..gaussian import update_state
@@ -42,6 +42,7 @@ from .driver import forget_leg
 REST_VARIANCE = 0.02  # (m/s)², of the speed of a vehicle that stands
 _SLOW_VARIANCE = 0.5  # (m/s)², of one that is about to
 
+_PARKS = 3  # of those that arrive, that may end beside the road
 _BESIDE = 0.08  # P(beside the road) of a vehicle that comes to stand
 _ASIDE, _ASIDE_SIGMA = 22.0, 10.0  # m from the road's line, on either side
 _ALONG_SIGMA = 10.0  # m along the road
@@ -89,10 +90,14 @@ def is_parked(hyp: Record) -> bool:
 
 
 @kernel(inline=True)
+def most_parked(arrived: int, fix: Vector) -> int:
+    """How many of those that arrive may park; a coarse fix does not tell them from the others."""
+    return min(arrived, _PARKS) if fix[2] < COARSE else 0
+
+
+@kernel(inline=True)
 def park(belief: Belief, path: Path, ctx: Context, row: int) -> None:
     """Append children of an arriving hypothesis that stand beside its road, on either side.
-
-    Coarse fixes do not tell them from those on the road.
 
     Args:
         belief: The row has arrived near a fix, and has not seen it yet.
@@ -103,8 +108,7 @@ def park(belief: Belief, path: Path, ctx: Context, row: int) -> None:
     hyp = belief.hyp[row]
     share = 0.5 * _BESIDE * comes_to_stand(hyp.mu[K], hyp.cov[K, K])
     least = belief.hyp[heaviest(belief)].log_weight + _LEAST
-    light = hyp.log_weight + math.log(max(share, 1e-300)) < least
-    if light or belief.state[0].reported[1] >= COARSE:
+    if hyp.log_weight + math.log(max(share, 1e-300)) < least:
         return
     track(belief, ctx.roads, row)
     entry = hyp.path_entry

@@ -44,13 +44,13 @@ from .parked import (
     comes_to_stand,
     goes_on_standing,
     leave_parking,
+    most_parked,
     park,
 )
 from .past_wrong_fix import begin_anew, note_between
 from .wrong_fix import drive_on, may_be_wrong
 
-_MOST_ARRIVALS = 24  # routes that become hypotheses,
-_PARKS = 3  # and of these that may end beside the road
+_MOST_ARRIVALS = 24  # routes that become hypotheses
 
 _STANDING = 1e-3  # least weight of a hypothesis of standing
 _LEAST_ON_EDGE = 0.3  # divisor of its weight at least
@@ -162,7 +162,7 @@ def transit(
     first = int(state.count)
     arrived = _take_best_routes(belief, path, history, ctx, sparse)
     if arrived > 0:
-        for row in range(first, first + min(arrived, _PARKS)):
+        for row in range(first, first + most_parked(arrived, epoch.fix)):
             park(belief, path, ctx, row)
     elif not off_road:
         if doubtful:

@@ -205,17 +205,24 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     departed = departed if departed > _LEAST_DEPARTED else 0.0
     dropped = state.separation.dropped
     _reach(out, reach_of(dropped, least))
+    _spread(out, dropped.p * dropped.sigma**2)
     left = max(p_turned_wrong(state), state.separation.unmapped.p, dropped.p)
     return float(max(least, state.elsewhere[0], lost, departed, left))
 
 
 @kernel
+def _spread(out: Record, variance: float) -> None:
+    """Add a variance (m²) to the place of an estimate."""
+    out.cov[0] += variance
+    out.map_cov[0] += variance
+    out.cov[3] += variance
+    out.map_cov[2] += variance
+
+
+@kernel
 def _widen(out: Record, share: float, sigma: float) -> None:
     """Widen an estimate by what is elsewhere with a probability, within so many metres."""
-    out.cov[0] += share * sigma * sigma
-    out.map_cov[0] += share * sigma * sigma
-    out.cov[3] += share * sigma * sigma
-    out.map_cov[2] += share * sigma * sigma
+    _spread(out, share * sigma * sigma)
     out.cov[5] += share * _ANY_HEADING
     _reach(out, _WIDEST * sigma)
 
