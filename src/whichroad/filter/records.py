@@ -113,7 +113,7 @@ DROPPED = np.dtype(  # ways between sparse fixes that nobody follows, see `spars
     align=True,
 )
 
-GROSS = np.dtype(  # a fine receiver's error that may be a gross one, see `gnss.gross_error`
+GROSS = np.dtype(  # a receiver's error that may be a gross one, see `gnss.gross_error`
     [
         ("p", "f8"),  # P(the receiver is right, and the likeliest place is not); 0: they agree
         ("jump", "f8", (2,)),  # of the last fix that fitted nothing, m, axes of the plane

@@ -365,7 +365,7 @@ def _cover(
 
 @kernel(inline=True)
 def cover_gross_error(state: Record, top: Record, out: Record, risk: float) -> None:
-    """Let an estimate cover the place of a fine receiver that the likeliest hypothesis doubts.
+    """Let an estimate cover the place of a receiver that the likeliest hypothesis doubts.
 
     Args:
         state: With what is known of that.

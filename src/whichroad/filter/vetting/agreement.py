@@ -76,7 +76,7 @@ def _blame_one(vetting: Record, by_odometer: int, by_speed: int, since: float) -
 
     Args:
         vetting: In place.
-        by_odometer: Whether fixes and odometer differ, see `_differ`.
+        by_odometer: Whether fixes and odometer differ.
         by_speed: Whether fixes and the receiver's speed do.
         since: s since they were compared last.
     """
