@@ -114,8 +114,8 @@ def loosen(belief: Belief, axes: Axes, gate: float) -> bool:
     """Let the vehicle be elsewhere, where odometry is in doubt and a fix fits no hypothesis.
 
     Args:
-        belief: With its innovations (`gnss.position.innovations`); the position's covariance grows by the
-            misfit, alike for all.
+        belief: With its innovations (`gnss.position.innovations`); the position's covariance grows
+            by the misfit, alike for all.
         axes: Of the fix, and its white noise.
         gate: Chi-square (two degrees) of a fix that fits.
 

@@ -205,13 +205,13 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     departed = departed if departed > _LEAST_DEPARTED else 0.0
     dropped = state.separation.dropped
     _reach(out, reach_of(dropped, least))
-    _spread(out, dropped.p * dropped.sigma**2)
+    _add_variance(out, dropped.p * dropped.sigma**2)
     left = max(p_turned_wrong(state), state.separation.unmapped.p, dropped.p)
     return float(max(least, state.elsewhere[0], lost, departed, left))
 
 
 @kernel
-def _spread(out: Record, variance: float) -> None:
+def _add_variance(out: Record, variance: float) -> None:
     """Add a variance (m²) to the place of an estimate."""
     out.cov[0] += variance
     out.map_cov[0] += variance
@@ -222,7 +222,7 @@ def _spread(out: Record, variance: float) -> None:
 @kernel
 def _widen(out: Record, share: float, sigma: float) -> None:
     """Widen an estimate by what is elsewhere with a probability, within so many metres."""
-    _spread(out, share * sigma * sigma)
+    _add_variance(out, share * sigma * sigma)
     out.cov[5] += share * _ANY_HEADING
     _reach(out, _WIDEST * sigma)
 
