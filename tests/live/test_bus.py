@@ -154,6 +154,29 @@ def test_messages_of_a_bus_are_read_whoever_sends_them(town, dbc, running):
     assert any("VDC2 is read from source address 0B" in line for line in said)
 
 
+def test_a_unit_that_has_no_values_locks_nobody_out_of_a_bus(dbc):
+    said, made = [], []
+    signals = {"speed": "WheelSpeed"}
+    health, stream = Health("can0", "wheels", said.append), CanStream(dbc, Vehicle(signals=signals))
+    watch = BusWatch(health, stream)
+    for k in range(20):
+        stream.feed(0x18FEF100 | EXTENDED, 1.7e9 + 0.1 * k, b"\xff" * 8)
+        watch.look(0.1 * k)
+        made += stream.feed(0x18FEF121 | EXTENDED, 1.7e9 + 0.1 * k + 0.01, speed(36))
+    assert len(made) == 20
+    assert stream.skipped_why == {"signal not available": 1}
+    made += stream.feed(0x18FEF1FE | EXTENDED, 1.7e9 + 3.0, speed(36))
+    watch.look(3.0)
+    assert len(made) == 21
+    where = "can0: CCVS1 is read from source address"
+    assert said == [
+        f"{where} 00, as FE of the .dbc does not send PGN 65265",
+        f"{where} 21, as FE of the .dbc does not send PGN 65265; 00 sends it without a value",
+        "can0, CCVS1: the sender of the .dbc is heard now, and read",
+    ]
+    assert not health.troubles.messages()
+
+
 def test_frames_that_do_not_come_are_problems_with_their_ids(dbc):
     said = []
     health, stream = Health("can0", "wheels", said.append), CanStream(dbc, CAR)

@@ -91,6 +91,45 @@ def test_of_several_senders_the_first_is_read_and_the_others_are_noted(read):
     assert "(id 18FEF121 for 21)" in note
 
 
+def without(identifier, value=0xFFFF, count=20):
+    return [line(k - 0.5, identifier, 1, value) for k in range(count)]
+
+
+@pytest.mark.parametrize("value", [0xFFFF, 0xFE00])
+def test_the_first_that_gives_a_value_is_read_and_who_gives_none_is_noted(read, value):
+    """Many units send CCVS1; those that do not know the speed say so in it."""
+    drive = read(without(0x18FEF100, value) + speeds(0x18FEF121), {"speed": "WheelSpeed"})
+    assert len(drive.odometry.time) == 20
+    assert drive.notes == (
+        "frame CCVS1: read from source address 21, as FE of the .dbc does not send PGN 65265; "
+        "00 sends it without a value",
+    )
+    assert not drive.skipped  # frames of who is not read
+
+
+def test_a_sender_of_the_dbc_without_values_is_left_for_one_with_them(read):
+    dbc = DBC.replace(str(SPEED | EXTENDED), str(0x18FEF121 | EXTENDED))
+    some = speeds(0x18FEF100) + turns(TURN)
+    drive = read(without(0x18FEF121) + some, dbc=dbc)
+    assert drive.odometry.speed == pytest.approx(10.0)
+    assert drive.notes == (
+        "frame CCVS1: read from source address 00, as 21 of the .dbc gives no value in PGN 65265",
+    )
+    drive = read(without(0x18FEF121, count=3) + speeds(0x18FEF121, 72)[8:] + some, dbc=dbc)
+    assert drive.odometry.speed == pytest.approx(20.0)
+    assert not drive.notes
+
+
+def test_senders_are_named_where_none_gives_a_value(read):
+    lines = without(0x18FEF100) + without(0x18FEF121)[1:] + turns(TURN)
+    with pytest.raises(ReadError) as told:
+        read(lines)
+    assert (
+        "CCVS1 (PGN 65265) comes from source address 00 without a value, 21 without a value and "
+        "VDC2 (PGN 61449) comes from source address FE; is it the right .dbc?"
+    ) in str(told.value)
+
+
 def test_the_sender_of_the_dbc_is_read_wherever_it_begins(read):
     dbc = DBC.replace(str(SPEED | EXTENDED), str(0x18FEF121 | EXTENDED))
     drive = read(speeds(0x18FEF100) + speeds(0x0CFEF121, 72)[8:] + turns(TURN), dbc=dbc)
@@ -137,4 +176,29 @@ def test_on_line_the_first_is_read_until_that_of_the_dbc_is_heard():
     assert [one.others for one in senders.told()] == [True]
     assert senders.take(0x18FEF121 | EXTENDED) == [ours]
     assert senders.take(0x18FEF100 | EXTENDED) == []
+    assert senders.told() == []
+
+
+def test_on_line_the_first_that_gives_a_value_is_read_until_that_of_the_dbc_gives_one():
+    senders = Senders([SimpleNamespace(name="CCVS1", frame_id=0x18FEF121)])
+    ours, first, second = bare(0x18FEF121), 0x18FEF100 | EXTENDED, 0x18FEF103 | EXTENDED
+    exact = 0x18FEF121 | EXTENDED
+
+    def take(frame, gives):
+        before = senders.news
+        return senders.take(frame, lambda _: gives) == [ours], senders.news - before
+
+    assert take(first, False) == (True, 1)
+    assert take(second, False) == (False, 1)
+    assert take(exact, False) == (True, 1)
+    assert take(first, False) == (False, 0)
+    assert take(second, True) == (True, 1)
+    assert take(first, True) == (False, 1)
+    assert take(exact, False) == (False, 0)
+    [one] = senders.told()
+    assert one.others
+    assert "as 21 of the .dbc gives no value in PGN 65265; 00 sends it too" in one.text
+    assert take(exact, True) == (True, 1)
+    assert take(second, True) == (False, 0)
+    assert take(exact, False) == (True, 0)
     assert senders.told() == []

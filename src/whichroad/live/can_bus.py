@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..readers.can_frames import EXTENDED, key
-from ..readers.j1939 import mask_of
+from ..readers.j1939 import Told, mask_of
 from .addresses import Address
 from .decode import CanStream
 from .health import Health
@@ -79,7 +79,7 @@ class BusWatch:
         self._since: float | None = None  # s, from which on the bus is open
         self._said: set[str] = set()  # lines that are told once
         self._news = 0
-        self._told: set[str] = set()  # messages of several senders
+        self._told: dict[str, Told] = {}  # message -> its sender, where not that of the .dbc
 
     def look(self, now: float | None = None) -> None:
         """Look at what has come; to be called now and then.
@@ -124,17 +124,22 @@ class BusWatch:
         health.troubles.begin(what, reason, f"{what}: {reason}")
 
     def _tell_senders(self) -> None:
-        health, several = self._health, set[str]()
-        for one in self._stream.senders.told():
-            what = f"{health.name}, {one.message}"
+        health = self._health
+        told = {one.message: one for one in self._stream.senders.told()}
+        for message, one in told.items():
+            what = f"{health.name}, {message}"
             if one.others:
-                several.add(what)
                 health.troubles.begin(what, one.text, f"{what}: {one.text}")
             else:
-                self._say(f"{one.message} is {one.text}")
-        for what in self._told - several:
-            health.troubles.end(what, f"{what}: the sender of the .dbc is heard now, and read")
-        self._told = several
+                self._say(f"{message} is {one.text}")
+        for message in self._told.keys() - told.keys():
+            what = f"{health.name}, {message}"
+            line = f"{what}: the sender of the .dbc is heard now, and read"
+            if health.troubles.holds(what):
+                health.troubles.end(what, line)
+            else:
+                health.troubles.report(line)
+        self._told = told
 
     def _say(self, line: str) -> None:
         if line not in self._said:

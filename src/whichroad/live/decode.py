@@ -214,21 +214,15 @@ class CanStream:
         """
         wanted = self._exact.get(frame)
         if wanted is None:
-            wanted = self._of_group(frame)
+            wanted = self._of_group(frame, data)
         else:
             self.came.add(frame)
         stamp = (stamp if stamp > _REASONABLE else time.time()) + self._offset
         values, sensed = [], dict[str, float]()
         for bits in wanted:
-            if len(data) < bits.bytes:
-                self.skipped_why["frame cut short"] += 1
-                continue
-            number = _number(bits, data)
-            value = number * bits.scale + bits.offset
-            if bits.absent.holds(number):
-                self.skipped_why[NOT_AVAILABLE] += 1
-            elif not math.isfinite(value):
-                self.skipped_why["no number"] += 1
+            value = _value(bits, data)
+            if isinstance(value, str):
+                self.skipped_why[value] += 1
             elif bits.role == "reverse":
                 wanted_value = self._reverse_value
                 self._backwards = value != 0.0 if wanted_value is None else value == wanted_value
@@ -239,11 +233,15 @@ class CanStream:
         told: list[Observation] = [SensorReading(stamp, sensed)] if sensed else []
         return told + [one for role, value in values for one in self._take(role, stamp, value)]
 
-    def _of_group(self, frame: int) -> list[_Bits]:
+    def _of_group(self, frame: int, data: bytes) -> list[_Bits]:
         """The signals in a frame of J1939."""
         if not (self._by_group and frame & EXTENDED):
             return []
-        messages = self.senders.take(frame)
+
+        def gives(message: int) -> bool:
+            return any(isinstance(_value(one, data), float) for one in self._by_group[message])
+
+        messages = self.senders.take(frame, gives)
         self.came.update(messages)
         return [bits for one in messages for bits in self._by_group[one]]
 
@@ -337,6 +335,17 @@ def _bits(role: str, signal: Signal, used: float | None) -> _Bits:
         signal if about.is_float else None,
         absent(about, counter=role.endswith("_ticks"), used=used),
     )  # fmt: skip
+
+
+def _value(bits: _Bits, data: bytes) -> float | str:
+    """The value of a signal in a frame, or why there is none."""
+    if len(data) < bits.bytes:
+        return "frame cut short"
+    number = _number(bits, data)
+    if bits.absent.holds(number):
+        return NOT_AVAILABLE
+    value = number * bits.scale + bits.offset
+    return value if math.isfinite(value) else "no number"
 
 
 def _number(bits: _Bits, data: bytes) -> float:

@@ -93,18 +93,21 @@ def read_can(
     senders = senders_of(signals)
     frames = read_frames(path, names_of(signals), skipped)
     came = {s.frame: s.frame for s in signals.values() if not s.j1939 and s.frame in frames}
-    came |= senders.chosen(frames)
+    used = reverse_value(signals, vehicle)
+
+    def first(ours: int, frame: int) -> float:
+        return _first_value(
+            {r: s for r, s in signals.items() if s.frame == ours}, frames[frame], used
+        )
+
+    came |= senders.chosen(frames, first)
     missing = [s for s in signals.values() if s.frame not in came]
     notes = [f"frame {one.message}: {one.text}" for one in senders.told()]
-    used = reverse_value(signals, vehicle)
     series = {
-        role: _series(
-            signal, role, frames[came[signal.frame]], used if role == "reverse" else None,
-            skipped, notes,
-        )
+        role: _series(signal, role, frames[came[signal.frame]], used, skipped, notes)
         for role, signal in signals.items()
         if signal.frame in came
-    }  # fmt: skip
+    }
     series = {role: one for role, one in series.items() if len(one[0])}
     sensed = _sensed({r: series.pop(r) for r in list(series) if r.startswith(SENSED)})
     log = _odometry(series, signals, vehicle, skipped, notes)
@@ -113,6 +116,7 @@ def read_can(
         why = f" ({by_reason(skipped)})" if skipped else ""
         ids = listed(sorted({s.where for s in missing}))
         right = f"no frame {ids} came; " if missing else ""
+        right += f"{heard}; " if (heard := senders.heard()) else ""
         right += unmarked(missing, frames) or "is it the right .dbc?"
         raise ReadError(
             f"{where}: none of {', '.join(silent)} moves the vehicle in it{why}; both rear wheels, "
@@ -185,6 +189,34 @@ def _number(raw: NDArray[np.uint64], signal: Any) -> Array:
     return raw.astype(np.float64)
 
 
+def _given(
+    signal: Signal, role: str, frames: Frames, used: float | None, skipped: Skipped
+) -> Series:
+    """Times and numbers, before scale and offset, where frames have a value of one signal."""
+    about = signal.about
+    first, last = _bytes(about)
+    whole = keep(frames.length > last, "frame cut short", skipped)
+    whole &= keep((np.abs(frames.time) < LAST) | ~whole, NO_TIME, skipped)
+    time, data = frames.time[whole], frames.data[whole]
+    if last - first < 8:
+        numbers = _numbers(about, data)
+    else:
+        numbers = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
+    used = used if role == "reverse" else None
+    none = absent(about, counter=role.endswith("_ticks"), used=used).among(numbers)
+    there = keep(~none, NOT_AVAILABLE, skipped)
+    return time[there], numbers[there]
+
+
+def _first_value(signals: dict[str, Signal], frames: Frames, used: float | None) -> float:
+    """When frames have a value of any of the signals first, s; inf: never."""
+    at = [math.inf]
+    for role, signal in signals.items():
+        time, numbers = _given(signal, role, frames, used, Counter())
+        at += time[np.isfinite(numbers)][:1].tolist()
+    return min(at)
+
+
 def _series(
     signal: Signal,
     role: str,
@@ -195,17 +227,8 @@ def _series(
 ) -> Series:
     """Times and SI values of one signal."""
     about = signal.about
-    first, last = _bytes(about)
-    whole = keep(frames.length > last, "frame cut short", skipped)
-    whole &= keep((np.abs(frames.time) < LAST) | ~whole, NO_TIME, skipped)
-    time, data = frames.time[whole], frames.data[whole]
-    if last - first < 8:
-        numbers = _numbers(about, data)
-    else:
-        numbers = np.array([_slow(signal, bytes(row)) for row in data], np.float64)
-    none = absent(about, counter=role.endswith("_ticks"), used=used).among(numbers)
-    there = keep(~none, NOT_AVAILABLE, skipped)
-    time, values = time[there], _scaled(numbers[there], about)
+    time, numbers = _given(signal, role, frames, used, skipped)
+    values = _scaled(numbers, about)
     unit = (about.unit or "").strip()
     if role.startswith(SENSED):
         values = values * unit_factor(role.removeprefix(SENSED), unit)

@@ -4,7 +4,8 @@ An id of 29 bits has the priority, the group, and the address of its sender.  A 
 for that, which no sender has.
 """
 
-from collections.abc import Collection, Iterable
+import math
+from collections.abc import Callable, Collection, Iterable
 from typing import Any, NamedTuple
 
 from .can_frames import EXTENDED
@@ -18,7 +19,7 @@ class Told(NamedTuple):
 
     message: str
     text: str
-    others: bool  # whether others send it too, that are not read
+    others: bool  # whether others give values too, that are not read
 
 
 def group_of(frame: int) -> int:
@@ -38,7 +39,10 @@ def mask_of(frame: int) -> int:
 
 
 class Senders:
-    """Which sender each message is read from: that of the .dbc, else the first that is heard.
+    """Which sender each message is read from: that of the .dbc, else the first that gives values.
+
+    Several units may send one message, and say in it that they do not have what it is about.
+    Until one gives a value, that of the .dbc is taken, else the first that is heard.
 
     Args:
         messages: cantools' descriptions of those that are needed.
@@ -52,15 +56,17 @@ class Senders:
         for message in messages:
             of_group = self._of_group.setdefault(group_of(message.frame_id), {})
             of_group[bare(message.frame_id)] = message
-        self._chosen: dict[int, int] = {}  # bare id of the .dbc -> that on the bus
         self._heard: dict[int, list[int]] = {}  # group -> bare ids, in the order of coming
+        # id of the .dbc -> those on the bus that gave values, the first one first
+        self._gave = {ours: list[int]() for wanted in self._of_group.values() for ours in wanted}
         self.news = 0
 
-    def take(self, frame: int) -> list[int]:
+    def take(self, frame: int, gives: Callable[[int], bool] = lambda _: True) -> list[int]:
         """A frame has come.
 
         Args:
             frame: Its id, of 29 bits.
+            gives: Whether it has a value of a needed signal, if read as a message of the .dbc.
 
         Returns:
             Bare ids of the .dbc's messages that it is read as.
@@ -73,29 +79,53 @@ class Senders:
         if frame not in heard:
             heard.append(frame)
             self.news += 1
-            for ours in wanted:
-                if ours == frame or ours not in self._chosen:
-                    self._chosen[ours] = frame
-        return [ours for ours in wanted if self._chosen[ours] == frame]
+        for ours in wanted:
+            if frame not in self._gave[ours] and gives(ours):
+                self._gave[ours].append(frame)
+                self.news += 1
+        return [ours for ours in wanted if self._read(ours) == frame]
 
-    def chosen(self, frames: Collection[int]) -> dict[int, int]:
-        """Bare ids of the .dbc -> those that are read, of all that came, the first one first."""
+    def chosen(self, frames: Collection[int], first: Callable[[int, int], float]) -> dict[int, int]:
+        """Which senders are read of a whole log.
+
+        Args:
+            frames: Ids that came, the first one first.
+            first: When a frame, read as a message of the .dbc (given before it), has a value of
+                a needed signal first, s; inf: never.
+
+        Returns:
+            Bare ids of the .dbc -> those that are read.
+        """
         for frame in frames:
             if frame == bare(frame):
-                self.take(frame)
-        return dict(self._chosen)
+                self.take(frame, lambda _: False)
+        for ours in self._gave:
+            at = {frame: first(ours, frame) for frame in self._heard_of(ours)}
+            self._gave[ours] = sorted((f for f in at if at[f] < math.inf), key=at.__getitem__)
+        return {ours: self._read(ours) for ours in self._gave if self._heard_of(ours)}
+
+    def _heard_of(self, ours: int) -> list[int]:
+        return self._heard.get(group_of(ours), [])
+
+    def _read(self, ours: int) -> int:
+        """The id on the bus that a message of the .dbc is read from; its own if none came."""
+        among = self._gave[ours] or self._heard_of(ours)
+        return ours if ours in among or not among else among[0]
 
     def told(self) -> list[Told]:
-        """What to tell of messages that the .dbc's sender does not send."""
+        """What to tell of messages that are not read from the .dbc's sender."""
         found = []
         for group, wanted in self._of_group.items():
             for ours, message in wanted.items():
-                read = self._chosen.get(ours, ours)
+                read, gave = self._read(ours), self._gave[ours]
                 if read == ours:
                     continue
-                others = [frame for frame in self._heard[group] if frame != read]
+                heard = self._heard[group]
+                others = [frame for frame in heard if frame != read and frame in gave]
+                mute = [frame for frame in heard if frame not in (read, ours, *gave)]
                 text = f"read from source address {_address(read)}, as {_address(ours)} of the "
-                text += f".dbc does not send PGN {group}"
+                text += f".dbc {'gives no value in' if ours in heard else 'does not send'} "
+                text += f"PGN {group}"
                 if others:
                     also = ", ".join(map(_address, others))
                     text += (
@@ -103,8 +133,22 @@ class Senders:
                         f"in the .dbc (id {message.frame_id & ~_LAST | others[0] & _LAST:08X} for "
                         f"{_address(others[0])})"
                     )
+                if mute:
+                    text += f"; {', '.join(map(_address, mute))} sends it without a value"
                 found.append(Told(message.name, text, bool(others)))
         return found
+
+    def heard(self) -> str:
+        """Who sends the messages that came, for a log of which nothing can be used."""
+        return " and ".join(
+            f"{message.name} (PGN {group}) comes from source address "
+            + ", ".join(
+                _address(frame) + ("" if frame in self._gave[ours] else " without a value")
+                for frame in self._heard[group]
+            )
+            for group in self._heard
+            for ours, message in self._of_group[group].items()
+        )
 
 
 def _address(frame: int) -> str:
