@@ -30,10 +30,17 @@ def phases(time: np.ndarray, *speeds: tuple[float, float]) -> np.ndarray:
     return np.convolve(np.pad(at, 10, "edge"), np.full(21, 1 / 21), "valid")
 
 
-def answered(true: np.ndarray, wheels: np.ndarray, seed: int, doppler: bool = True) -> Answer:
-    """A drive along the avenue: speeds at 10 Hz, and fixes each second."""
+def answered(
+    true: np.ndarray, wheels: np.ndarray, seed: int, doppler: bool = True, holds: float = 0.0
+) -> Answer:
+    """A drive along the avenue: speeds at 10 Hz, and fixes each second.
+
+    The receiver `holds` the place of a stop for so many metres.
+    """
     rng = np.random.default_rng(seed)
     time, way = 0.1 * np.arange(len(true)), 0.1 * np.cumsum(true) - 300.0
+    stops = np.maximum.accumulate(np.where(true < 0.01, way, -np.inf))
+    seen = np.where(way - stops < holds, stops, way)
     slow = np.zeros(2)
     localizer, rows = Localizer(TOWN), []
     for k, t in enumerate(time.tolist()):
@@ -42,7 +49,7 @@ def answered(true: np.ndarray, wheels: np.ndarray, seed: int, doppler: bool = Tr
         if k % 10:
             continue
         slow = 0.99 * slow + 0.14 * 1.2 * rng.standard_normal(2)
-        x, y = np.array([way[k], 0.0]) + slow + rng.normal(0.0, 1.0, 2)
+        x, y = np.array([seen[k], 0.0]) + slow + rng.normal(0.0, 1.0, 2)
         lat, lon = PLANE.to_geodetic(x, y)
         speed = abs(float(true[k] + rng.normal(0.0, 0.1))) if doppler else None
         fix = GeoFix.with_sigma(t, float(lat), float(lon), SIGMA, speed=speed)
@@ -82,5 +89,30 @@ def test_a_vehicle_that_stands_or_creeps_has_sound_wheels(seed: int):
     time = np.arange(0.0, 400.0, 0.1)
     true = phases(time, (0.0, 10.0), (40.0, 0.0), (200.0, 0.5), (260.0, 0.0), (300.0, 10.0))
     found = answered(true, true, seed)
+    assert np.mean(found.error > found.level) == 0.0
+    assert not [name for name in found.named if "odometry" in name]
+
+
+@pytest.mark.parametrize(("speed", "lasts"), [(1.4, 30.0), (8.0, 20.0), (8.0, 60.0)])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_wheels_on_rollers_are_found_by_positions_alone(speed: float, lasts: float, seed: int):
+    time = np.arange(0.0, 180.0, 0.1)
+    true = phases(time, (0.0, 10.0), (40.0, 0.0), (130.0, 10.0))
+    turn = np.clip(np.minimum(time - 50.0, 50.0 + lasts - time), 0.0, speed)
+    found = answered(true, true + turn, seed, doppler=False)
+    assert np.mean(found.error > found.level) < 0.01
+    assert np.max(found.error[(found.time > 115.0) & (found.time < 130.0)]) < 15.0
+    assert np.max(found.error[found.time > 140.0]) < 20.0
+    assert found.wrong == 0
+    assert "odometry: distance" in found.named
+    assert "wheels: scale" not in found.named
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_receiver_that_holds_the_place_of_a_stop_has_sound_wheels(seed: int):
+    time = np.arange(0.0, 200.0, 0.1)
+    creep = [(70.0 + 40.0 * k + begin, v) for k in range(3) for begin, v in ((0, 1.2), (14, 0.0))]
+    true = phases(time, (0.0, 10.0), (40.0, 0.0), *creep, (185.0, 10.0))
+    found = answered(true, true, seed, doppler=False, holds=19.0)
     assert np.mean(found.error > found.level) == 0.0
     assert not [name for name in found.named if "odometry" in name]

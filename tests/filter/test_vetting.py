@@ -98,6 +98,20 @@ def test_sound_sensors_are_believed(seed: int, columns: bool):
     assert names(vetting) == []
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_who_drives_in_a_small_circle_from_a_stop_on_has_sound_wheels(seed: int):
+    """Its fixes stay about one place as well."""
+    drive = Drive(seed, seconds=180)
+    drive.columns = False
+    at = 60 * RATE
+    drive.speed[at : at + 40] = 0.0
+    drive.speed[at + 40 :] = 2.5
+    drive.rate[at : at + 40] = 0.0
+    drive.rate[at + 40 :] = 0.5  # of 5 m
+    drive.measure(np.random.default_rng(seed))
+    assert withheld(drive.vetted()) == set()
+
+
 @pytest.mark.parametrize("columns", [True, False])
 def test_counters_that_stand_still_while_fixes_move_on_are_withheld(columns: bool):
     drive = Drive()

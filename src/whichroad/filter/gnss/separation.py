@@ -86,11 +86,12 @@ def _reckon(state: Record, par: Record, gyro: int) -> None:
     sums[3] = anchor.arc
     outvoted = state.vetting.refused[ARC] == 1 and anchor.speeds == 1
     sound = anchor.odometry == 1 and not outvoted and is_possible(state.vetting)
+    anew = state.vetting.returned_at  # what copies before have been moved by was wrong
     for k in range(COPIES):
         copy = separation.reckoned[k]
         if copy.live == 0:
             continue
-        if sound and state.time - copy.begun <= _LONGEST:
+        if sound and copy.begun >= anew and state.time - copy.begun <= _LONGEST:
             predict_plane(copy.mu, copy.cov, move, state.scale, noise)
         else:
             copy.live = 0

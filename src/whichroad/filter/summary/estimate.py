@@ -30,6 +30,7 @@ from ..state import (
     Y,
     heaviest,
 )
+from ..vetting.motion_sources import ARC
 from .matched_pose import match_pose
 from .node_shares import share_out, take_back
 from .protection import Centre, set_levels, set_odds
@@ -201,7 +202,8 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     if state.misfits >= _MISFITS:  # the fixes may be right
         lost = LOST_UNKNOWN
         _reach(out, state.vetting.misfit)
-    departed = min(p_elsewhere(state), _MOST_DEPARTED)
+    spins = state.vetting.spin.p if state.vetting.refused[ARC] == 0 else 0.0
+    departed = min(max(p_elsewhere(state), spins), _MOST_DEPARTED)
     departed = departed if departed > _LEAST_DEPARTED else 0.0
     dropped = state.separation.dropped
     _reach(out, reach_of(dropped, least))

@@ -34,6 +34,12 @@ SPIN = np.dtype(  # wheels that may turn on the spot, see `vetting.spinning`
         ("p", "f8"),  # P(they do)
         ("sigma", "f8"),  # of the way of the fixes, m
         ("since", ANCHOR),  # when they began to stand
+        ("before", ANCHOR),  # the last one
+        ("alone", "u1"),  # 1: positions are all that the receiver tells
+        ("rests", "u1"),  # 1: if so, the odometer stood then
+        ("apart", "f8"),  # m by which the odometer's place was the farther one since then, at most
+        ("held", "f8"),  # m of that which tell nothing: the receiver has held a place for so far
+        ("steps", "f8", (2,)),  # m of fixes from anchor to anchor: while it moves, and at rest
     ],
     align=True,
 )

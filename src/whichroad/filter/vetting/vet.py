@@ -104,11 +104,26 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         return
     vetting.leg[3] = vetting.leg_before[3] = 0.0
     last = windows.count - 1
-    since = windows.anchors[last % ANCHORS].time - windows.anchors[(last - 1) % ANCHORS].time
     first = far_enough(windows, last, scale, _WINDOW)
-    if first < 0:
-        return
-    seen = between(windows, first, last, scale)
+    if first >= 0:
+        since = windows.anchors[last % ANCHORS].time - windows.anchors[(last - 1) % ANCHORS].time
+        seen = between(windows, first, last, scale)
+        _weigh(vetting, seen, first, scale, sensors, since)
+        weigh_spin(vetting, last, scale, sensors)
+        _decide(vetting)
+        _record(vetting, seen, windows.now.time, since)
+    else:
+        weigh_spin(vetting, last, scale, sensors)
+        _decide(vetting)
+
+
+@kernel
+def _weigh(
+    vetting: Record, seen: Seen, first: int, scale: float, sensors: int, since: float
+) -> None:
+    """Compare the sources of motion from an anchor to the newest one."""
+    windows = vetting.windows
+    last = windows.count - 1
     steered = sensors == WHEELS and seen.odometry and vetting.refused[TURN] == 0
     vetting.bend = seen.turn
     _set_track(vetting, seen)
@@ -118,16 +133,13 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
         weigh_turns(vetting, courses, seen, last, scale, since)
         turn = seen.turn if vetting.refused[TURN] == 0 else turn
     weigh_distances(vetting, sensors, seen, turn, since)
-    weigh_spin(vetting, last, scale, sensors, since)
-    _decide(vetting)
-    _record(vetting, seen, windows.now.time, since)
 
 
 @kernel
 def _keep(vetting: Record, epoch: Record, scale: float, speed: bool) -> bool:
     """`add_fix`; after a pause a stand begins anew."""
     windows = vetting.windows
-    paused = epoch.time - windows.anchors[(windows.count - 1) % ANCHORS].time > PAUSE
+    paused = epoch.time - vetting.spin.before.time > PAUSE
     kept = add_fix(windows, epoch, scale, speed)
     if paused:
         begin_stand(vetting.spin, windows.anchors[0])
