@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from .observations import (
         Distance,
         GeoFix,
-        Hypothesis,
         Pose,
         SpeedYaw,
         StartPose,
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
         WheelTicks,
         YawRate,
     )
-    from .online import Estimate, Localizer
+    from .online import Estimate, Hypothesis, Localizer
     from .places import Places, RelativePlace
     from .readers import read_drive, read_vehicle
     from .roadmap import RoadMap
@@ -49,10 +48,10 @@ _MODULES = {
     "errors": (
         "DriveError", "MapError", "ReadError", "SettingError", "WhichroadError", "WriteError",
     ),
-    "online": ("Estimate", "Localizer"),
+    "online": ("Estimate", "Hypothesis", "Localizer"),
     "readers": ("read_drive", "read_vehicle"),
     "observations": (
-        "Distance", "GeoFix", "Hypothesis", "Pose", "SpeedYaw", "StartPose",
+        "Distance", "GeoFix", "Pose", "SpeedYaw", "StartPose",
         "WheelSpeed", "WheelTicks", "YawRate",
     ),
     "calibration": ("calibrate",),

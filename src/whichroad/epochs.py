@@ -179,6 +179,7 @@ def build_timeline(
     epochs.forward, epochs.left = chord * np.cos(half), chord * np.sin(half)
     epochs.speed_sigma = epochs.course_sigma = np.inf
     epochs.gyro = _turned_by(motion, time)
+    epochs.geared = drive.geared
     epochs.odometry_valid[np.isin(epochs.gyro, (GYRO_ALONE, HEARD_AGAIN))] = 0
     masked = 0
     if fixes is not None:

@@ -139,6 +139,7 @@ class Drive:
     notes: tuple[str, ...] = ()
     sensed: tuple[SensorReading, ...] = ()  # by further sensors, in the order of time
     gyro: YawRates | None = None  # that stands beside no odometry
+    geared: bool = False  # a gear, or a flag, tells when the odometry goes backwards
 
 
 # what receivers call their errors, and what takes them
@@ -242,11 +243,13 @@ class WheelTicks:
         left: Counts of the left rear wheel since any moment; fewer in reverse.  Metres are
             `Vehicle.metres_per_tick_left` times it.  Unwrapped, or up to `Vehicle.counter_bits`.
         right: Counts of the right rear wheel.
+        geared: Whether a gear tells when it goes backwards, which is believed then.
     """
 
     time: float
     left: float
     right: float
+    geared: bool = False
 
 
 @by_name
@@ -258,11 +261,13 @@ class WheelSpeed:
         time: s since 1970 UTC.
         left: Of the left rear wheel, m/s, negative in reverse.
         right: Of the right rear wheel, m/s.
+        geared: Whether a gear tells when it goes backwards, which is believed then.
     """
 
     time: float
     left: float
     right: float
+    geared: bool = False
 
 
 @by_name
@@ -273,10 +278,12 @@ class Distance:
     Attributes:
         time: s since 1970 UTC.
         distance: Driven since any moment, m.
+        geared: Whether a gear tells when it goes backwards, which is believed then.
     """
 
     time: float
     distance: float
+    geared: bool = False
 
 
 @by_name
@@ -288,11 +295,13 @@ class SpeedYaw:
         time: s since 1970 UTC.
         speed: Of the rear axle's middle, m/s, negative in reverse.
         yaw_rate: rad/s, counter-clockwise seen from above: positive in a left turn.
+        geared: Whether a gear tells when it goes backwards, which is believed then.
     """
 
     time: float
     speed: float
     yaw_rate: float
+    geared: bool = False
 
 
 @by_name
@@ -377,24 +386,3 @@ class Pose:
     lat: float
     lon: float
     bearing_deg: float
-
-
-@dataclass(frozen=True, slots=True)
-class Hypothesis:
-    """The vehicle is on this edge, with its own Gaussian.
-
-    Attributes:
-        p: Probability of the hypothesis, 0 to 1.
-        edge: Number of the directed edge in the map; None: off the roads.
-        pose: Mean of the Gaussian.
-        cov: (3, 3) of x, y (true metres along the plane's axes) and heading; m², m rad, rad².
-        abscissa: m from the edge's start; 0 off road.
-        lateral: m right of the centre line in the map's frame; 0 off road.
-    """
-
-    p: float
-    edge: int | None
-    pose: Pose
-    cov: Array
-    abscissa: float
-    lateral: float

@@ -5,6 +5,7 @@ import pytest
 
 from scenes import Truth, drive_along, epochs_of, gnss, localize, network, straight_road
 from whichroad._compile import Records
+from whichroad.filter.state import DISTANCE, WHEELS
 
 ROADS = network(straight_road(9000.0))
 
@@ -68,3 +69,60 @@ def test_who_has_driven_forwards_may_back_up_for_long():
     about(epochs, slice(len(road.time) + 1, None))
     said = localize(ROADS, epochs).output.rows
     assert len(np.unique(said.edge[50:])) == 1
+
+
+def shuttle(leg: float, back: float) -> tuple[Records, np.ndarray, Records]:
+    """That many metres forwards at 10 m/s and back at 8 m/s: epochs, places, and what is said."""
+    ramp = np.linspace(0.0, 1.0, 50)
+    even = np.ones(round(leg)), np.ones(round(back / 0.8))
+    one, other = (np.concatenate([ramp, way, ramp[::-1], np.zeros(60)]) for way in even)
+    moved = np.concatenate([np.zeros(40), one, -0.8 * other[:-110]])
+    x = 500.0 + np.cumsum(moved)
+    n = len(x)
+    truth = Truth(0.1 * np.arange(n), x, np.full(n, -1.75), np.zeros(n), np.cumsum(np.abs(moved)))
+    epochs = epochs_of(truth, gnss(truth, sigma=2.0, seed=1), np.arange(0, n, 10))
+    epochs.arc = epochs.forward = moved
+    pieces = [np.array([[a, 0.0], [a + 150.0, 0.0]]) for a in np.arange(0.0, 3000.0, 150.0)]
+    sides = [np.array([[a, 0.0], [a, 200.0]]) for a in np.arange(150.0, 3000.0, 150.0)]
+    return epochs, x, network(pieces + sides)
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+@pytest.mark.parametrize("lag", [None, "full"])
+def test_a_shuttle_that_drives_back_as_fast_as_forth_faces_as_before(mode: int, lag: str | None):
+    epochs, x, roads = shuttle(800.0, 700.0)
+    rows = localize(roads, epochs, mode=mode, lag=lag).output.rows
+    late = np.arange(len(x)) > 300
+    assert (np.abs(rows.heading[late]) < 0.5).all()
+    assert (rows.speed[-100:] < -7.0).all()
+    assert np.hypot(rows.x - x, rows.y + 1.75)[late].max() < 10.0
+    assert (rows.protection_level > np.hypot(rows.x - x, rows.y + 1.75))[late].all()
+
+
+@pytest.mark.parametrize("mode", [WHEELS, DISTANCE])
+def test_a_sign_that_changes_at_a_stop_is_wrong_where_fixes_drive_on(mode: int):
+    epochs, _, _ = shuttle(800.0, 800.0)
+    turned = 960  # where it drives back
+    epochs.fix[turned:, 0] = 2.0 * epochs.fix[turned - 10, 0] - epochs.fix[turned:, 0]
+    rows = localize(ROADS, epochs, mode=mode).output.rows
+    assert (np.abs(rows.heading[-600:]) < 0.5).all()
+    assert (rows.speed[-600:] > 7.0).all()
+
+
+def test_who_has_only_driven_backwards_may_face_either_way_until_it_is_found():
+    _, epochs = driven(400.0)
+    rows = localize(ROADS, about(epochs, slice(None))).output.rows
+    assert np.sqrt(rows.cov[28, 5]) > 1.0  # rad; 18 m backwards
+    assert rows.p_edge[28] < 0.9
+    assert (np.cos(rows.heading[60:]) > 0.9).all()
+    assert (np.sqrt(rows.cov[60:, 5]) < 0.3).all()
+
+
+def test_who_backs_in_reverse_gear_is_not_turned_about():
+    _, epochs = driven(600.0)
+    epochs.geared = 1
+    rows = localize(ROADS, about(epochs, slice(None))).output.rows
+    late = slice(100, None)
+    assert (rows.speed[late] < 0.0).all()
+    assert (np.cos(rows.heading[late]) < 0.0).all()
+    assert (np.sqrt(rows.cov[300:, 5]) > 1.0).all()  # the gear's own sign may be wrong

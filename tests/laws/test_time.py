@@ -117,7 +117,7 @@ def readings(log: Drive) -> list[Observation]:
     ]
     if log.odometry is not None:
         kind = WheelTicks if hasattr(log.odometry, "left") else Distance
-        columns = [getattr(log.odometry, n).tolist() for n in kind.__slots__]
+        columns = [getattr(log.odometry, n).tolist() for n in type(log.odometry).__slots__]
         out += [kind(*row) for row in zip(*columns, strict=True)]
     return sorted(out, key=lambda r: (r.time, isinstance(r, GeoFix)))
 

@@ -401,6 +401,7 @@ def test_the_value_of_reverse_is_one_whatever_its_name_says(tmp_path):
         data = (0x2000).to_bytes(2, "little") * 2 + bytes([i >= 2, 0, 0, 0])
         said += stream.feed(key(256, False), 1.7e9 + 0.1 * i, data)
     assert said[0].left > 0.0 > said[-1].left
+    assert said[-1].geared
     assert not stream.skipped_why
 
 

@@ -150,6 +150,7 @@ def test_the_reverse_gear_turns_counters_that_only_rise(read, sound, value):
     sound(drive)
     expected = np.where((np.arange(1, 30) >= 10) & (np.arange(1, 30) < 20), -20.0, 20.0)
     assert np.diff(drive.odometry.left) == pytest.approx(expected)
+    assert drive.geared
 
 
 def test_an_unknown_reverse_value_offers_the_known_ones(read):

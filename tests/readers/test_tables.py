@@ -462,6 +462,18 @@ def test_a_reverse_flag_turns_speeds_round():
         "reverse": [0, 0, 1, 1, 0],
     }
     assert one(columns).odometry.left.tolist() == [2, 2, -2, -2, 2]
+    assert one(columns).geared
+    assert not one({k: v for k, v in columns.items() if k != "reverse"}).geared
+
+
+@pytest.mark.parametrize("name", ["reverse", "gear"])
+def test_so_it_does_with_a_speed_beside_a_yaw_rate(name):
+    columns = {"time": T0 + np.arange(N), "speed_mps": [2.0] * N, "yaw_rate": [0.0] * N}
+    drive = one(
+        columns | {name: [0, 0, 1, 1, 0] if name == "reverse" else ["D", "D", "R", "R", "D"]}
+    )
+    assert drive.odometry.speed.tolist() == [2, 2, -2, -2, 2]
+    assert drive.geared
 
 
 @pytest.mark.parametrize(

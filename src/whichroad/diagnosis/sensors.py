@@ -74,7 +74,7 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
     offset = vetting["turn_offset"]
     if abs(offset["mends"]) > max(_OFFSET, _SURE * math.sqrt(offset["variance"])):
         found.append(_turn_offset(float(offset["mends"])))
-    if vetting["turnabouts"] > 0:
+    if vetting["turnabouts"]:
         found.append(_column(BACKWARDS))
     if vetting["unturned"] >= _UNTURNED:
         found.append(_column(TURNLESS))

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 from .._compile import Record, kernel
 from ..graph.geometry import angle_of, is_straight, locate, turn_within, wrap
-from ..graph.network import is_at_node
+from ..graph.network import backwards, is_at_node
 from ._simd import add_times
 from .gaussian import normal_cdf, reshape_along, reshape_on_map, truncated_moments
+from .hypotheses.backing import LEAST_SHARE, back_up, run_back
 from .hypotheses.branching import (
     BRANCH_THRESHOLD,
-    LEAST_SHARE,
     OFFSET,
     own_all,
     p_within,
@@ -19,6 +19,7 @@ from .hypotheses.branching import (
     share_beyond,
 )
 from .hypotheses.no_sign import own_arc
+from .hypotheses.successors import REACH
 from .motion import ACROSS, Increment, Noise, add_across, predict_plane, predict_road, turn_by_road
 from .road import track
 from .slow_states import decay
@@ -152,7 +153,7 @@ def _move_to(
     turn = angle_of(to.tx * nx + to.ty * ny, to.tx * ny - to.ty * nx)
     bent = min(abs(turn), _FULL_TURN)
     if bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
-        at += CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent)
+        at += math.copysign(CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent), to.odometer)
         segment, cx, cy, nx, ny = locate(roads, edge, segment, at)
     corner = corner_variance(bent)
     variance += corner
@@ -201,11 +202,14 @@ def _pass_beyond(
 
 
 @kernel(inline=True)
-def _move_straight(belief: Belief, hyp: Record, odometer: float, noise: Noise) -> None:
-    """Move a hypothesis off the roads."""
-    own = own_arc(hyp, odometer)
-    move = Increment(own, 0.0, own, 0.0, own)
-    predict_plane(hyp.mu, hyp.cov, move, belief.state[0].scale, noise)
+def _move_straight(belief: Belief, odometer: float, noise: Noise) -> None:
+    """Move the hypotheses off the roads."""
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        if hyp.edge == OFF_ROAD:
+            own = own_arc(hyp, odometer)
+            move = Increment(own, 0.0, own, 0.0, own)
+            predict_plane(hyp.mu, hyp.cov, move, belief.state[0].scale, noise)
 
 
 @kernel
@@ -216,6 +220,26 @@ def _sigma_ahead(hyp: Record, own: float, noise: float) -> float:
     cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
     variance = hyp.along_sigma**2 + own * (2.0 * cross + own * cov[K, K])
     return math.sqrt(max(variance + noise, 1e-4))
+
+
+@kernel
+def _move_back(
+    belief: Belief, path: Path, ctx: Context, i: int, to: Advance, noise: Noise
+) -> bool:  # fmt: skip
+    """Move hypothesis i, which backs up; returns whether anything branched."""
+    hyp = belief.hyp[i]
+    edge, begin = hyp.edge, to.begin
+    s = run_back(belief, path, ctx, i, to.s)
+    if hyp.edge != edge:
+        begin = ctx.roads.edges[hyp.edge].length
+    to = Advance(to.odometer, s, to.sigma, to.lateral, to.tx, to.ty, begin)
+    _move_to(belief, ctx, i, to, noise, -NO_BOUND, NO_BOUND)
+    hyp.bound += hyp.along - s
+    hyp.p_not_passed = p_within(hyp)
+    if hyp.along > REACH * hyp.along_sigma or backwards(ctx.roads, hyp.edge) >= 0:
+        return bool(hyp.edge != edge)
+    track(belief, ctx.roads, i)
+    return back_up(belief, ctx, i, abs(to.odometer)) or hyp.edge != edge
 
 
 @kernel(inline=True)
@@ -251,6 +275,10 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         sigma = _sigma_ahead(hyp, own, noise.along)
         hyp.bound = min(s + (hyp.bound - begin) * sigma / hyp.along_sigma, NO_BOUND)
         hyp.along_sigma = sigma
+        if own < 0.0:
+            to = Advance(own, s, sigma, lateral, tx, ty, begin)
+            changed = _move_back(belief, path, ctx, i, to, noise) or changed
+            continue
         after, s = run_on(belief, path, ctx, i, s)
         if hyp.edge != edge:
             changed = True
@@ -271,10 +299,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         _move_to(belief, ctx, i, to, noise, -NO_BOUND, hyp.bound if spent else NO_BOUND)
         hyp.bound += 0.0 if spent else hyp.along - s
         hyp.p_not_passed = p_within(hyp)
-    for i in range(belief.state[0].count):
-        hyp = belief.hyp[i]
-        if hyp.edge == OFF_ROAD:
-            _move_straight(belief, hyp, odometer, noise)
+    _move_straight(belief, odometer, noise)
     return changed
 
 

@@ -326,7 +326,7 @@ def believed(belief: Belief, history: History, ctx: Context, epoch: Record) -> R
         pass_calibration(belief, par, epoch.gyro)
     if sensors == WHEELS:
         _heed_gyro(belief, history, par, epoch.gyro)
-    if sensors != CLOCK and face_forward(vetting, reading, dt):
+    if sensors != CLOCK and face_forward(vetting, reading, dt, sensors == WHEELS):
         _turn_about(belief, par)
     mend_turn(vetting.turn_offset, reading)
     vet(vetting, reading, dt, sensors, max(state.scale, 0.1))

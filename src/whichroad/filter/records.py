@@ -26,6 +26,7 @@ EPOCH = np.dtype(  # what the sensors said at one moment, and since the one befo
         ("has_fix", "u1"),
         ("filled", "u1"),  # 1: the fix repeats an earlier one, as later ones prove
         ("gyro", "u1"),  # what measures the turn: BY_WHEELS ... of `vetting.windows`
+        ("geared", "u1"),  # 1: a gear tells whether odometry is forwards or backwards
         ("evidence", "u1"),  # rows of `Work.evidence`, of further sensors
         ("first_evidence", "i4"),  # the first of them
     ],

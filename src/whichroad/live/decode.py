@@ -181,7 +181,7 @@ class CanStream:
             frames = self._by_group if signal.j1939 else self._exact
             frames.setdefault(signal.frame, []).append(_bits(role, signal, used))
         self._roles = {role for role in signals if not role.startswith(SENSED)}
-        self._backwards = False
+        self._backwards = self._geared = False
         self._last: dict[str, tuple[float, float]] = {}  # role -> time, value
         self._waiting: tuple[float, float] | None = None  # a left wheel without its right one
         self._distance = 0.0
@@ -224,7 +224,7 @@ class CanStream:
             if isinstance(value, str):
                 self.skipped_why[value] += 1
             elif bits.role == "reverse":
-                wanted_value = self._reverse_value
+                wanted_value, self._geared = self._reverse_value, True
                 self._backwards = value != 0.0 if wanted_value is None else value == wanted_value
             elif bits.role.startswith(SENSED):
                 sensed[bits.role.removeprefix(SENSED)] = value
@@ -283,7 +283,7 @@ class CanStream:
             turning = self._last.get("yaw_rate")
             if role != "speed" or turning is None or abs(stamp - turning[0]) > _STALE:
                 return []
-            return [SpeedYaw(stamp, value, turning[1])]
+            return [SpeedYaw(stamp, value, turning[1], self._geared)]
         if "odometer" in self._roles:
             if role == "yaw_rate":
                 return [YawRate(stamp, value)]
@@ -291,7 +291,7 @@ class CanStream:
         if role == "speed":
             if before is not None:
                 self._distance += 0.5 * (value + before[1]) * (stamp - before[0])
-            return [Distance(stamp, self._distance)]
+            return [Distance(stamp, self._distance, self._geared)]
         return []
 
     def _pair(
@@ -303,7 +303,7 @@ class CanStream:
             other = self._last.get(right)
             if other is not None and other[0] == stamp:
                 self._waiting = None
-                return [kind(stamp, value, other[1])]
+                return [kind(stamp, value, other[1], self._geared)]
             if self._waiting is not None:
                 self.skipped_why["wheel without the other"] += 1
             self._waiting = (stamp, value)
@@ -312,9 +312,10 @@ class CanStream:
             return []
         (at, waiting), self._waiting = self._waiting, None
         if at == stamp or before is None or before[0] > at:
-            return [kind(at, waiting, value)] if at == stamp else []
+            return [kind(at, waiting, value, self._geared)] if at == stamp else []
         part = (at - before[0]) / (stamp - before[0])
-        return [kind(at, waiting, before[1] + part * (value - before[1]))]
+        between = before[1] + part * (value - before[1])
+        return [kind(at, waiting, between, self._geared)]
 
 
 def _bits(role: str, signal: Signal, used: float | None) -> _Bits:

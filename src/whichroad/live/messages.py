@@ -12,8 +12,8 @@ from typing import Any
 
 from ..geodesy.angles import axis_bearing_of, degrees
 from ..geodesy.plane import Plane
-from ..observations import Array, GeoFix, Hypothesis, Pose
-from ..online import Estimate
+from ..observations import Array, GeoFix, Pose
+from ..online import Estimate, Hypothesis
 from ..places import AHEAD_M, NEARBY_M, Places
 from ..roadmap import RoadMap
 from ..roadmap.level_shares import LevelShare, LevelShares

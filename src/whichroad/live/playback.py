@@ -62,6 +62,8 @@ class RecordedObservations:
             log = log.distance
         if log is not None and len(log.time):
             columns = [getattr(log, field.name) for field in fields(log)]
+            if drive.geared:
+                columns.append(np.ones(len(log.time), bool))
             self._columns.append((_KINDS[type(log)], columns))
         if fixes is not None and len(fixes):
             columns = [getattr(fixes, field.name) for field in fields(GeoFix)]

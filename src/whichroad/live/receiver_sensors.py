@@ -109,7 +109,8 @@ class ReceiverSensors:
         if {REAR_LEFT, REAR_RIGHT} <= self._seen:
             if not {REAR_LEFT, REAR_RIGHT} <= raw.keys():
                 return []
-            return [WheelTicks(time, *(self._count(k, time, raw) for k in (REAR_LEFT, REAR_RIGHT)))]
+            left, right = (self._count(k, time, raw) for k in (REAR_LEFT, REAR_RIGHT))
+            return [WheelTicks(time, left, right)]
         axis, turning = self._mounting.axis, self._turning
         if {SPEED, GYRO_Z} <= self._seen:
             fresh = turning is not None and time - turning[0] <= _STALE

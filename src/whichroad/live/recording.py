@@ -294,7 +294,7 @@ def _fix_table(fixes: list[GeoFix]) -> pa.Table:
 def _odometry_table(readings: list[Any]) -> pa.Table:
     columns: list[list[float | None]] = [[None] * len(readings) for _ in _COLUMNS]
     for row, one in enumerate(readings):
-        for place, name in zip(_PLACE[type(one)], one.__slots__, strict=True):
+        for place, name in zip(_PLACE[type(one)], one.__slots__, strict=False):  # less `geared`
             columns[place][row] = getattr(one, name)
     return _table(_COLUMNS, columns)
 

@@ -127,6 +127,7 @@ _FIX_AT = offset_of(EPOCH, "fix")
 _ODOMETRY_VALID = offset_of(EPOCH, "odometry_valid")
 _HAS_FIX = offset_of(EPOCH, "has_fix")
 _GYRO = offset_of(EPOCH, "gyro")
+_GEARED = offset_of(EPOCH, "geared")
 _EVIDENCE = offset_of(EPOCH, "evidence")
 _COUNT, _ROWS, _TIME = (at_word(FILTER, name) for name in ("count", "rows", "time"))
 _SPEED, _HEARD = at_word(FILTER, "speed"), at_word(FILTER, "heard")
@@ -269,9 +270,10 @@ class EpochFilter:
         """What measures the turn of the epoch, as `filter.vetting.windows` counts it."""
         return self.epoch[_GYRO]
 
-    def set_mode(self, mode: int) -> None:
-        """Say what moves the vehicle from now on."""
+    def set_mode(self, mode: int, geared: bool) -> None:
+        """Say what moves the vehicle from now on, and whether a gear tells which way."""
         self._par[_MODE] = mode
+        self.epoch[_GEARED] = geared
 
     def heard(self) -> tuple[float, float]:
         """The usual interval of fixes and odometry, and the time of the last one, s."""

@@ -1,6 +1,7 @@
 """The estimate of one epoch: its record is copied at once, and decoded when a property is read."""
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..errors import SettingError
 from ..filter.state import OFF_ROAD
 from ..filter.summary.estimate import LOST_UNKNOWN
 from ..geodesy.plane import Plane
-from ..observations import Array, Hypothesis, Pose
+from ..observations import Array, Pose
 from ..places import AHEAD_M, NEARBY_M, Places, RelativePlace
 from ..roadmap import RoadMap
 from ..roadmap.attribute_names import known_name
@@ -28,6 +29,27 @@ _FEW = 1e-3  # weight of all hypotheses on roads, below which it tells nothing o
 def pose_at(plane: Plane, x: float, y: float, heading: float) -> Pose:
     """A pose in the plane, in degrees too."""
     return Pose(x, y, heading, *plane.pose(x, y, heading))
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """The vehicle is on this edge, with its own Gaussian.
+
+    Attributes:
+        p: Probability of the hypothesis, 0 to 1.
+        edge: Number of the directed edge in the map; None: off the roads.
+        pose: Mean of the Gaussian.
+        cov: (3, 3) of x, y (true metres along the plane's axes) and heading; m², m rad, rad².
+        abscissa: m from the edge's start; 0 off road.
+        lateral: m right of the centre line in the map's frame; 0 off road.
+    """
+
+    p: float
+    edge: int | None
+    pose: Pose
+    cov: Array
+    abscissa: float
+    lateral: float
 
 
 class Estimate:

@@ -256,7 +256,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         reading = self._glitches.without(now, reading, self.skipped)
         arc, turn, valid, by = self._increment(reading)
         steered = self._gyro.alone or not isinstance(reading, Distance)
-        self._filter.set_mode(WHEELS if steered else DISTANCE)
+        self._filter.set_mode(WHEELS if steered else DISTANCE, reading.geared)
         self._begin_at_start(reading.time)
         self._filter.fill(reading.time, arc, turn, valid, by)
         self._run()

@@ -136,7 +136,7 @@ class Remembers:
             state.made.check(self._made())
             now, known, self._before_wake = self._filter, state.odometry, None
             now.set_tables(state.tables)
-            now.set_mode(known.mode)
+            now.set_mode(known.mode, getattr(known.reading, "geared", False))
             self._gyro.restore(known.gyro)
             self._sensing.restore(known.sensed)
             self._clocks.restore(known.clocks)

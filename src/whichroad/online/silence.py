@@ -56,6 +56,6 @@ def between(before: Reading, after: Reading, time: float) -> Reading:
     share = (time - before.time) / (after.time - before.time)
     speeds = {
         field.name: (1.0 - share) * getattr(before, field.name) + share * getattr(after, field.name)
-        for field in fields(before) if field.name != "time"
+        for field in fields(before) if field.name not in ("time", "geared")
     }  # fmt: skip
     return replace(before, time=time, **speeds)

@@ -126,7 +126,8 @@ def read_can(
     if log is not None:
         notes += unused({role for role, (_, values) in series.items() if len(values)}, log)
     return Drive(
-        Path(path).stem, None, log, (str(path),), dict(skipped), tuple(notes), sensed
+        Path(path).stem, None, log, (str(path),), dict(skipped), tuple(notes), sensed,
+        geared=log is not None and "reverse" in series,
     )  # fmt: skip
 
 

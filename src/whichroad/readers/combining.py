@@ -282,6 +282,7 @@ def _one(drives: list[Drive], name: str, vehicle: Vehicle) -> Drive:
             notes=tuple(dict.fromkeys(notes)),
             sensed=tuple(sorted((s for d in drives for s in d.sensed), key=lambda s: s.time)),
             gyro=gyro,
+            geared=any(one.geared for one in drives),
         )
     return with_speed_notes(with_fit_notes(without_reckoned(drive, vehicle), vehicle))
 

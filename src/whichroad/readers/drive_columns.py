@@ -21,7 +21,7 @@ from ..settings import Settings, Vehicle
 from .checks import NO_POSITION, Skipped, in_order, keep
 from .reported_fixes import NO_ACCURACY, RADIUS_68, Reported, from_ellipse, make_fixes
 from .vehicle import ROLES
-from .wheel_counters import Reversing, wheel_counts, wheel_speeds
+from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
 
 Beside = Odometer | WheelCounts | WheelSpeeds  # what has a gyro beside it
 Columns = dict[str, Array]  # SI (degrees for angles of position), NaN where a cell is empty
@@ -72,7 +72,8 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
         elif "bearing" in own and "speed" not in own:
             notes.append("bearings not used: without a speed it is unknown whether they are valid")
         fixes = make_fixes(reported(own, skipped), settings, skipped)
-    return Drive("", fixes, odometry, notes=tuple(notes), gyro=gyro)
+    geared = odometry is not None and "reverse" in has
+    return Drive("", fixes, odometry, notes=tuple(notes), gyro=gyro, geared=geared)
 
 
 def reported(columns: Columns, skipped: Skipped) -> Reported:
@@ -148,15 +149,18 @@ def _odometry(
         left, right = (time, columns["wheel_rl"]), (time, columns["wheel_rr"])
         speeds = wheel_speeds(left, right, skipped, reversing=reversing)
         return steered(speeds, _gyro(columns, skipped)) if len(speeds.time) else None
+    speed = columns.get("speed", np.full(len(time), np.nan))
+    if reversing is not None:
+        speed = np.where(held(reversing, time), -np.abs(speed), speed)
     if {"speed", "yaw_rate"} <= has:
-        return speed_yaw_rate(time, columns["speed"], columns["yaw_rate"], skipped)
+        return speed_yaw_rate(time, speed, columns["yaw_rate"], skipped)
     if "odometer" in has:
         log = odometer(time, columns["odometer"], skipped)
         return steered(log, _gyro(columns, skipped))
     if "speed" in has and own_speed:
         where = ", which stands in rows without a position" if "lat" in has else ""
         notes.append(f"distance integrated from speed{where}")
-        return odometer_from_speed(time, columns["speed"], skipped)
+        return odometer_from_speed(time, speed, skipped)
     return None
 
 

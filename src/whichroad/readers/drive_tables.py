@@ -171,7 +171,9 @@ def drives_of(
         told = (*notes, *units.notes_on(part), *apart, *drive.notes)
         sensed = sensed_by(part)
         drives.append(
-            Drive(name, drive.fixes, drive.odometry, paths, dict(here), told, sensed, drive.gyro)
+            replace(
+                drive, drive_id=name, sources=paths, skipped=dict(here), notes=told, sensed=sensed
+            )
         )
     return drives
 
@@ -250,7 +252,7 @@ def _values(seen: Seen, skipped: Skipped, notes: list[str]) -> Columns:
             cells = strings(seen.table.column(seen.found[letters].place))
             south = np.array([(cell or "").strip().upper() == negative for cell in cells])
             columns[quantity] = np.where(south, -np.abs(columns[quantity]), columns[quantity])
-    if "gear" in seen.found and "reverse" not in columns and columns.keys() & WHEELS:
+    if "gear" in seen.found and "reverse" not in columns and _is_signed(columns):
         gear = seen.found["gear"]
         cells = strings(seen.table.column(gear.place))
         columns["reverse"] = reversing(cells, gear.name, notes)
@@ -361,3 +363,8 @@ def _usable(columns: Columns, seen: Seen, where: str, crs: Any) -> None:
         raise ReadError(no_column(where, "no time", seen.names, ("time",)))
     wanted = ("lat", "lon", "wheel_rl", "odometer", "speed")
     raise ReadError(no_column(where, "neither position nor odometry", seen.names, wanted))
+
+
+def _is_signed(columns: Columns) -> bool:
+    """Whether there is odometry that a gear gives a sign."""
+    return bool(columns.keys() & WHEELS) or {"speed", "yaw_rate"} <= columns.keys()

@@ -83,8 +83,9 @@ def drive_of_observations(
         *coarse_notes(located),
     )  # fmt: skip
     return Drive(
-        "drive", located, odometry, skipped=dict(skipped), notes=notes, sensed=tuple(sensed)
-    )
+        "drive", located, odometry, skipped=dict(skipped), notes=notes, sensed=tuple(sensed),
+        geared=any(getattr(one, "geared", False) for one in observations),
+    )  # fmt: skip
 
 
 def _in_order(kind: type, observations: Sequence[Observation], skipped: Skipped) -> list[Array]:
@@ -107,7 +108,7 @@ def _bridged(kind: type, columns: list[Array], car: Vehicle, skipped: Skipped) -
 
 
 def _columns(kind: type, observations: Sequence[Observation]) -> dict[str, Array]:
-    names = [f.name for f in fields(kind)]
+    names = [f.name for f in fields(kind) if f.name != "geared"]
     return {n: np.array([getattr(o, n) for o in observations], np.float64) for n in names}
 
 

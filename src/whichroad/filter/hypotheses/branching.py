@@ -41,6 +41,7 @@ from ..state import (
     rescale,
     spawn,
 )
+from .backing import LEAST_SHARE, back_up
 from .corners import BEFORE, list_corners, turned_before_end
 from .lane_offset import change_lane, redraw_lane
 from .no_sign import own_arc
@@ -49,7 +50,6 @@ from .successors import REACH, p_drives_on, successors
 BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
 _WHOLE = 6.0  # sigma
 _MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
-LEAST_SHARE = 0.3  # of the pruning floor: weight of what branches
 OFFSET = 0  # scratch of a child: abscissa of its edge's start, from the parent's, m
 _LEAST_CHILD = 0.1  # of the pruning floor: least weight of a child, with wheels
 
@@ -76,12 +76,12 @@ def _spawn_on(belief: Belief, path: Path, ctx: Context, i: int, d: int, share: f
             child.path_entry = enter(
                 path, found[up].edge, child.path_entry, belief.state[0].time, 0.0
             )
-    _take_lane(belief, ctx, row, parent.edge, found[d].turn)
+    take_lane(belief, ctx, row, parent.edge, found[d].turn)
     return row
 
 
 @kernel(inline=True)
-def _take_lane(belief: Belief, ctx: Context, i: int, before: int, turn: float) -> None:
+def take_lane(belief: Belief, ctx: Context, i: int, before: int, turn: float) -> None:
     """Redraw the lane of hypothesis i, which has just left an edge with a turn."""
     hyp = belief.hyp[i]
     old, new, sigma = lane_mean(ctx, before), lane_mean(ctx, hyp.edge), lane_sigma(ctx, hyp.edge)
@@ -164,7 +164,7 @@ def run_on(belief: Belief, path: Path, ctx: Context, i: int, s: float) -> tuple[
         before = hyp.edge
         hyp.edge = after
         hyp.before = before
-        _take_lane(belief, ctx, i, before, 0.0)
+        take_lane(belief, ctx, i, before, 0.0)
         hyp.segment = ctx.roads.edges[after].first_vertex
         hyp.new_edge = 1
         hyp.p_not_passed = 1.0
@@ -253,7 +253,7 @@ def branch(belief: Belief, path: Path, ctx: Context, arc: float, threshold: floa
         if belief.state[0].mode != WHEELS:
             _weigh_rest(hyp)
         if own < 0.0 and hyp.along < REACH * hyp.along_sigma:
-            changed = _back_up(belief, ctx, i, -own) or changed
+            changed = back_up(belief, ctx, i, -own) or changed
         length = ctx.roads.edges[hyp.edge].length
         changed = _round_corner(belief, path, ctx, i, own) or changed
         if hyp.along + REACH * hyp.along_sigma < length:
@@ -350,30 +350,3 @@ def _give(
             child.grace = GRACE
         child.scratch[OFFSET] = ctx.work.successor[d].offset
     return given
-
-
-@kernel
-def _back_up(belief: Belief, ctx: Context, i: int, arc: float) -> bool:
-    """Reversing: the hazard of passing the edge's start goes to its predecessors."""
-    hyp = belief.hyp[i]
-    road = ctx.roads.edges[hyp.edge]
-    count = 0
-    for t in range(road.first_predecessor, road.end_predecessor):
-        if ctx.roads.predecessors[t] != road.opposite:
-            count += 1
-    z = hyp.along / hyp.along_sigma
-    density = math.exp(-0.5 * z**2) * 0.3989422804014327 / hyp.along_sigma
-    share = min(arc * density / max(normal_cdf(z), 0.02), 0.9)
-    if count == 0 or share * hyp.weight < LEAST_SHARE * ctx.par[0].prune:
-        return False
-    given = 0.0
-    for t in range(road.first_predecessor, road.end_predecessor):
-        before = ctx.roads.predecessors[t]
-        if before == road.opposite or belief.state[0].count >= CAPACITY:
-            continue
-        given += share / count
-        last = ctx.roads.edges[before].last_vertex - 1
-        child = spawn(belief, i, share / count, before, last)
-        belief.hyp[child].p_not_passed = 1.0
-    rescale(hyp, 1.0 - given)
-    return True

@@ -30,6 +30,7 @@ from ..state import (
     Y,
     heaviest,
 )
+from ..vetting.facing import p_other_way
 from ..vetting.motion_sources import ARC
 from .matched_pose import match_pose
 from .node_shares import share_out, take_back
@@ -47,6 +48,7 @@ _LEAST_DEPARTED = 0.01  # P from which on that is told
 _MISFITS = 3.0  # in a row, from which on that is so
 _CANCELLED = 1e-12  # squared mean of unit vectors that have no mean direction
 _ANY_HEADING = math.pi**2 / 3.0  # rad², of a heading that is not known
+_ABOUT = math.pi**2  # rad², of two headings that are opposite
 _WIDEST = 4.0  # sigmas, of a level where the vehicle may be elsewhere
 
 ESTIMATE = np.dtype(
@@ -196,6 +198,8 @@ def _name_edges(belief: Belief, ctx: Context, output: Output, k: int) -> None:
 @kernel
 def _unknown(state: Record, out: Record, least: float) -> float:
     """P of what no hypothesis knows; where the vehicle may be elsewhere the estimate is wider."""
+    other_way = p_other_way(state.vetting)
+    out.cov[5] += other_way * (1.0 - other_way) * _ABOUT
     if state.elsewhere[0] > 0.0:
         _widen(out, state.elsewhere[0], state.elsewhere[1])
     lost = 0.0
@@ -209,6 +213,7 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     _reach(out, reach_of(dropped, least))
     _add_variance(out, dropped.p * dropped.sigma**2)
     left = max(p_turned_wrong(state), state.separation.unmapped.p, dropped.p)
+    left = max(left, min(other_way, 1.0 - other_way))
     return float(max(least, state.elsewhere[0], lost, departed, left))
 
 

@@ -76,6 +76,20 @@ TURN_OFFSET = np.dtype(  # a gyro's error that grows with the pace, see `filter.
     align=True,
 )
 
+FACING = np.dtype(  # where a vehicle faces by fixes and the sign of odometry, `vetting.facing`
+    [
+        ("x", "f8"),  # plane, of the fix at which the way began,
+        ("y", "f8"),
+        ("arc", "f8"),  # m counted since, backwards negative,
+        ("metres", "f8"),  # and without its sign
+        ("last", "f8"),  # rad turned since,
+        ("turn", "f8"),  # and since the end of the last such way that told it:
+        ("faces", "f8"),  # rad, in the plane, then,
+        ("sign", "f8"),  # and -1: it was driven backwards; 0: there was none
+    ],
+    align=True,
+)
+
 VETTING = np.dtype(
     [
         ("windows", WINDOWS),
@@ -98,8 +112,9 @@ VETTING = np.dtype(
         ("outrun", "f8"),  # s for which they do so beside odometry and speeds that stand
         ("backed", "f8"),  # m by which it counts backwards (vetting.facing),
         ("forth", "f8"),  # m that it has counted forwards,
+        ("facing", FACING),
         ("reversed", "u1"),  # 1: and is taken the other way round,
-        ("turnabouts", "i8"),  # how often that was found
+        ("turnabouts", "u1"),  # 1: and for sure, at some time
         ("compared", "u1"),  # 1: its distance has agreed with the fixes
         ("unturned", "f8"),  # m driven before it ever measured a turn; negative: it has
         # of the last leg of sparse fixes: directions by fixes and odometry, rad; alike; length, m;
