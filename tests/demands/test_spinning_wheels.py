@@ -31,11 +31,13 @@ def phases(time: np.ndarray, *speeds: tuple[float, float]) -> np.ndarray:
 
 
 def answered(
-    true: np.ndarray, wheels: np.ndarray, seed: int, doppler: bool = True, holds: float = 0.0
-) -> Answer:
+    true: np.ndarray, wheels: np.ndarray, seed: int, doppler: bool = True, holds: float = 0.0,
+    told: np.ndarray | None = None,
+) -> Answer:  # fmt: skip
     """A drive along the avenue: speeds at 10 Hz, and fixes each second.
 
-    The receiver `holds` the place of a stop for so many metres.
+    The receiver `holds` the place of a stop for so many metres, and may have `told` other speeds,
+    with a sigma.
     """
     rng = np.random.default_rng(seed)
     time, way = 0.1 * np.arange(len(true)), 0.1 * np.cumsum(true) - 300.0
@@ -52,7 +54,10 @@ def answered(
         x, y = np.array([seen[k], 0.0]) + slow + rng.normal(0.0, 1.0, 2)
         lat, lon = PLANE.to_geodetic(x, y)
         speed = abs(float(true[k] + rng.normal(0.0, 0.1))) if doppler else None
-        fix = GeoFix.with_sigma(t, float(lat), float(lon), SIGMA, speed=speed)
+        sigma: dict[str, float] = {}
+        if told is not None:
+            speed, sigma = abs(float(told[k] + rng.normal(0.0, 0.08))), {"sigma_speed": 0.15}
+        fix = GeoFix.with_sigma(t, float(lat), float(lon), SIGMA, speed=speed, **sigma)
         found = localizer.update(fix)
         if found.answered:
             off = abs(found.pose.x - way[k])
@@ -116,3 +121,40 @@ def test_a_receiver_that_holds_the_place_of_a_stop_has_sound_wheels(seed: int):
     found = answered(true, true, seed, doppler=False, holds=19.0)
     assert np.mean(found.error > found.level) == 0.0
     assert not [name for name in found.named if "odometry" in name]
+
+
+def braking() -> tuple[np.ndarray, np.ndarray]:
+    """Times, and speeds of a drive that brakes and gains speed."""
+    time = np.arange(0.0, 170.0, 0.1)
+    knots = [0.0, 6.0, 30.0, 36.0, 46.0, 52.0, 80.0, 86.0, 96.0, 102.0, 130.0, 136.0, 140.0, 148.0]
+    speeds = [0.0, 11.0, 11.0, 3.0, 3.0, 11.0, 11.0, 2.0, 2.0, 11.0, 11.0, 0.0, 0.0, 11.0]
+    return time, np.interp(time, knots, speeds)
+
+
+@pytest.mark.parametrize(("factor", "lasts"), [(0.1, 3.0), (1.6, 3.0), (1.4, 6.0)])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_wheels_that_slip_smoothly_are_found_by_the_receivers_speed(
+    factor: float, lasts: float, seed: int
+):
+    time, true = braking()
+    slips = np.zeros(len(time))
+    for begin in (65.0, 115.0):
+        slips[(time >= begin) & (time < begin + lasts)] = 1.0
+    near = np.exp(-0.5 * (np.arange(-12, 13) / 3.0) ** 2)
+    slips = np.convolve(slips, near / near.sum(), "same")
+    found = answered(true, true * (1.0 + (factor - 1.0) * slips), seed, told=true)
+    assert np.mean(found.error > found.level) == 0.0
+    assert np.max(found.error[found.time > 60.0]) < 15.0
+    assert np.max(found.error[found.time > 100.0]) < 15.0
+    assert found.wrong == 0
+    assert "odometry: slips" in found.named
+    assert not {"clock", "wheels: scale"} & set(found.named)
+
+
+@pytest.mark.parametrize("late", [0, 5, 10, 20])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_receivers_speed_that_lags_names_no_sound_wheels(late: int, seed: int):
+    time, true = braking()
+    found = answered(true, true, seed, told=np.concatenate([np.zeros(late), true])[: len(time)])
+    assert np.mean(found.error > found.level) == 0.0
+    assert "odometry: slips" not in found.named

@@ -65,6 +65,16 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
                 "yaw rate's unit",
             )
         )  # fmt: skip
+    slips = float(vetting["slip"]["seconds"])
+    clocks = abs(delay) > _LATE  # a receiver that is late has another speed
+    if slips >= _LEAST and max(seconds[ARC], seconds[SPEED]) < _LEAST and not clocks:
+        found.append(
+            Finding(
+                "odometry: slips", "warning", slips, 0.0, _LEAST,
+                f"for {slips:,.0f} s in all its speed was not the receiver's, which had agreed "
+                "before; its way then counted as not measured; look for wheels that slide or spin",
+            )
+        )  # fmt: skip
     ways = vetting["wheel_size"]["scale"]
     factor, rate = float(ways["factor"]), float(ways["rate"])
     if abs(factor - 1.0) > _SIZE or abs(factor * rate - 1.0) > _LEARNT_SIZE:

@@ -87,12 +87,15 @@ def _hear(vetting: Record, reading: Record) -> None:
 
 @kernel
 def unsure_of(state: Record, noise: Noise) -> Noise:
-    """Process noise with that of a vehicle that may creep."""
+    """Process noise with that of a vehicle that may creep, or whose wheels slip."""
     slow = state.vetting.slow
-    if slow.variance == 0.0 or state.mode == CLOCK:
+    slip = state.vetting.slip
+    if slow.variance + slip.variance == 0.0 or state.mode == CLOCK:
         return noise
+    more = slow.variance + slip.variance
+    slip.variance = 0.0  # of an epoch, whose pieces are several
     return Noise(
-        noise.along + slow.variance, noise.across, noise.heading + slow.turn, noise.rate,
+        noise.along + more, noise.across, noise.heading + slow.turn, noise.rate,
         noise.drift, noise.cross,
     )  # fmt: skip
 

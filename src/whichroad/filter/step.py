@@ -281,7 +281,7 @@ def _noise(
         return unsure_of(state, noise)
     before = state.unmeasured
     state.unmeasured += metres
-    noise = extrapolated(noise, before, metres)
+    noise = extrapolated(unsure_of(state, noise), before, metres)
     if epoch.odometry_valid == AHEAD:
         return driven_unseen(noise, state.vetting.silent - left, dt)
     return noise

@@ -162,7 +162,8 @@ def observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> 
         observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
         face_course(belief)
         state.course_time = epoch.time
-    if state.mode == WHEELS and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
+    rolls = state.mode == WHEELS and state.vetting.slip.by == 0.0
+    if rolls and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:
             late = latency_of(state, epoch.speed_sigma) * state.odometer_acceleration

@@ -31,7 +31,6 @@ from ..state import (
     heaviest,
 )
 from ..vetting.facing import p_other_way
-from ..vetting.motion_sources import ARC
 from .matched_pose import match_pose
 from .node_shares import share_out, take_back
 from .protection import Centre, set_levels, set_odds
@@ -206,7 +205,8 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     if state.misfits >= _MISFITS:  # the fixes may be right
         lost = LOST_UNKNOWN
         _reach(out, state.vetting.misfit)
-    spins = state.vetting.spin.p if state.vetting.refused[ARC] == 0 else 0.0
+    spin = state.vetting.spin
+    spins = spin.p if spin.alone == 1 else 0.0
     departed = min(max(p_elsewhere(state), spins), _MOST_DEPARTED)
     departed = departed if departed > _LEAST_DEPARTED else 0.0
     dropped = state.separation.dropped

@@ -8,6 +8,7 @@ from ..._compile import Record, kernel
 from .latency import LATENCY, clear_latency
 from .repeats import REPEATS
 from .scales import forget_scale
+from .slipping import SLIP
 from .turn_size import TURN_SIZE
 from .wheel_size import WHEEL_SIZE
 from .windows import ANCHOR, WINDOWS
@@ -158,6 +159,7 @@ VETTING = np.dtype(
         ("turn_offset", TURN_OFFSET),  # a gyro's
         ("repeats", REPEATS),  # fixes that only repeat a place
         ("spin", SPIN),
+        ("slip", SLIP),  # wheels that slide or spin in passing
     ],
     align=True,
 )
@@ -217,6 +219,7 @@ def clear(vetting: Record) -> None:
     vetting.agreed = math.inf
     vetting.returned_at = -math.inf
     vetting.windows.jitter = 2.0
+    vetting.slip.time = vetting.slip.since = vetting.slip.then[0] = -math.inf
     vetting.windows.jumped_at = -math.inf
     vetting.windows.left[2] = -math.inf
     vetting.windows.speed_time = -math.inf

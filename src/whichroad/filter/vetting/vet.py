@@ -26,6 +26,7 @@ from .motion_sources import (
     is_possible,
 )
 from .plausibility import check_odometry, is_odd
+from .slipping import count_slip, weigh_slip
 from .sparse_fixes import leg_of, weigh_leg
 from .spinning import begin_stand, weigh_spin
 from .turn_size import watch_turns
@@ -86,6 +87,9 @@ def vet(vetting: Record, epoch: Record, dt: float, sensors: int, scale: float) -
     if sensors != CLOCK:
         _take_odometry(vetting, epoch, dt, sensors)
         keep_place(vetting.latency, windows.now, epoch.time)
+    if epoch.has_fix and sensors != CLOCK:
+        weigh_slip(vetting, epoch, _rolls(vetting) and vetting.refused[SPEED] == 0)
+    count_slip(vetting, epoch.time)
     if not epoch.has_fix:
         return
     sound = _compare_clocks(vetting, epoch, sensors, scale)
@@ -147,12 +151,19 @@ def _keep(vetting: Record, epoch: Record, scale: float, speed: bool) -> bool:
 
 
 @kernel
+def _rolls(vetting: Record) -> bool:
+    """Whether the odometer's way is believed."""
+    believed = vetting.missed == 0 and vetting.refused[ARC] == 0
+    return bool(is_possible(vetting) and believed)
+
+
+@kernel
 def _compare_clocks(vetting: Record, epoch: Record, sensors: int, scale: float) -> bool:
     """Learn how late a fix is; returns whether distance and turn until it may be right."""
     if sensors == CLOCK:
         vetting.latency.behind[0] = 0.0
         return False
-    sound = is_possible(vetting) and vetting.missed == 0 and vetting.refused[ARC] == 0
+    sound = _rolls(vetting) and vetting.slip.by == 0.0
     sound = sound and (sensors == DISTANCE or vetting.refused[TURN] == 0)
     heed_clocks(vetting.latency, epoch, scale, sound)
     return bool(sound and sensors == WHEELS and vetting.windows.now.odometry == 1)
