@@ -66,8 +66,11 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
             )
         )  # fmt: skip
     slips = float(vetting["slip"]["seconds"])
-    clocks = abs(delay) > _LATE  # a receiver that is late has another speed
-    if slips >= _LEAST and max(seconds[ARC], seconds[SPEED]) < _LEAST and not clocks:
+    ways = vetting["wheel_size"]["scale"]
+    factor, rate = float(ways["factor"]), float(ways["rate"])
+    sized = abs(factor - 1.0) > _SIZE or abs(factor * rate - 1.0) > _LEARNT_SIZE
+    other = sized or abs(delay) > _LATE  # a receiver that is late has another speed
+    if slips >= _LEAST and max(seconds[ARC], seconds[SPEED]) < _LEAST and not other:
         found.append(
             Finding(
                 "odometry: slips", "warning", slips, 0.0, _LEAST,
@@ -75,9 +78,7 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
                 "before; its way then counted as not measured; look for wheels that slide or spin",
             )
         )  # fmt: skip
-    ways = vetting["wheel_size"]["scale"]
-    factor, rate = float(ways["factor"]), float(ways["rate"])
-    if abs(factor - 1.0) > _SIZE or abs(factor * rate - 1.0) > _LEARNT_SIZE:
+    if sized:
         found.append(_scale(ways))
     if abs(vetting["turn_size"]["scale"]["factor"] - 1.0) > _TURNS:
         found.append(_turn_scale(vetting))
