@@ -179,7 +179,7 @@ def build_timeline(
     epochs.forward, epochs.left = chord * np.cos(half), chord * np.sin(half)
     epochs.speed_sigma = epochs.course_sigma = np.inf
     epochs.gyro = _turned_by(motion, time)
-    epochs.geared = drive.geared
+    epochs.geared, epochs.unsure = drive.geared, 0.0 if motion is None else motion.unsure_at(time)
     epochs.odometry_valid[np.isin(epochs.gyro, (GYRO_ALONE, HEARD_AGAIN))] = 0
     masked = 0
     if fixes is not None:
@@ -274,7 +274,8 @@ def _motion(
     motion = motion_of(drive.odometry, vehicle, told)
     if len(motion.time) < 2:
         return None, (), 0.0
-    least = whole_dead_band(drive.odometry, motion[:2], vehicle.least_speed)
+    coarse = motion.unsure is not None  # who stands between steps may not stand
+    least = 0.0 if coarse else whole_dead_band(drive.odometry, motion[:2], vehicle.least_speed)
     motion = motion._replace(least_speed=least, counted=is_counted(drive.odometry))
     sound, wrong = less_wrong(motion, told, plane)
     return sound, wrong, delay_of(sound, told, plane) if clocks and sound is not None else 0.0

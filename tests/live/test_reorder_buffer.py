@@ -84,7 +84,7 @@ def test_a_state_is_all_that_a_localizer_remembers(town, ride, observations):
     """A new attribute of the localizer must be kept too, or be named here as one that stays."""
     kept = {"_filter", "_odometer", "_rate", "_began", "_reading", "_far_fix", "_interval"}
     kept |= {"_past", "_statistics", "_gyro", "_sensing", "_clocks", "_before_wake"}
-    kept |= {"_band", "_creeps", "_glitches"}
+    kept |= {"_band", "_creeps", "_glitches", "_steps"}
     stays = {"roads", "vehicle", "settings", "skipped", "_start", "lag", "_map", "_answers"}
     stays |= {"_lock"}
     views, forgotten = (

@@ -32,6 +32,18 @@ def test_on_line_counters_that_count_backwards_are_turned_about(delay: float):
     assert {e.edge for e in backwards[late]} == {e.edge for e in right[late]}  # none opposite
 
 
+@pytest.mark.parametrize("hz", [1, 10])
+def test_a_distance_in_steps_of_5_m_is_not_impossible(hz: int):
+    online = Localizer(TOWN, vehicle=CAR)
+    for tenth in range(0, 600, 10 // hz):
+        online.take(Distance(1e9 + 0.1 * tenth, 5.0 * (0.8 * tenth // 5.0)))
+        if tenth % 10 == 0:
+            said = online.update(town_fix(20.0 + 0.8 * tenth, -1.75, 1e9 + 0.1 * tenth + 0.05))
+            assert tenth < 100 or abs(said.pose.x - 20.4 - 0.8 * tenth) < 5.0
+            assert tenth < 200 or abs(said.speed - 8.0) < 2.5
+    assert not online.diagnosis
+
+
 def test_hypotheses_are_no_surer_than_the_road_where_counters_may_stand_still():
     """Fixes run away from wheels and a receiver's speed that both say 0."""
     online = Localizer(TOWN, vehicle=CAR)

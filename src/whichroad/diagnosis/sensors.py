@@ -68,7 +68,8 @@ def sensor_findings(vetting: Record, moved: float = 0.0) -> tuple[Finding, ...]:
     slips = float(vetting["slip"]["seconds"])
     ways = vetting["wheel_size"]["scale"]
     factor, rate = float(ways["factor"]), float(ways["rate"])
-    sized = abs(factor - 1.0) > _SIZE or abs(factor * rate - 1.0) > _LEARNT_SIZE
+    mended = _SIZE if abs(factor - 1.0) > _SIZE else _LEARNT_SIZE
+    sized = abs(factor * rate - 1.0) > mended
     other = sized or abs(delay) > _LATE  # a receiver that is late has another speed
     if slips >= _LEAST and max(seconds[ARC], seconds[SPEED]) < _LEAST and not other:
         found.append(

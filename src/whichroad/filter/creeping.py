@@ -40,9 +40,13 @@ def creep(vetting: Record, reading: Record, dt: float) -> None:
         dt: Since the epoch before, s.
     """
     slow = vetting.slow
-    slow.variance = slow.turn = slow.way = 0.0
+    slow.turn = slow.way = 0.0
+    slow.variance = reading.unsure
     if reading.odometry_valid != BELOW:
+        slow.unreckoned += slow.variance
         slow.seconds = slow.known_at = 0.0
+        if reading.unsure > 0.0:
+            slow.coarse = 1
         return
     begun = slow.seconds
     slow.seconds += dt
@@ -86,13 +90,21 @@ def _hear(vetting: Record, reading: Record) -> None:
 
 
 @kernel
-def unsure_of(state: Record, noise: Noise) -> Noise:
-    """Process noise with that of a vehicle that may creep, or whose wheels slip."""
+def unsure_of(state: Record, noise: Noise, metres: float, arc: float) -> Noise:
+    """Process noise with that of a vehicle that may creep, slips, or is counted in coarse steps.
+
+    Args:
+        state: Of the filter.
+        noise: Of its motion over so many metres.
+        metres: m.
+        arc: Of the epoch, of which they are a part, m.
+    """
     slow = state.vetting.slow
     slip = state.vetting.slip
     if slow.variance + slip.variance == 0.0 or state.mode == CLOCK:
         return noise
-    more = slow.variance + slip.variance
+    part = metres / abs(arc) if abs(arc) > metres else 1.0
+    more = part * slow.variance + slip.variance
     slip.variance = 0.0  # of an epoch, whose pieces are several
     return Noise(
         noise.along + more, noise.across, noise.heading + slow.turn, noise.rate,

@@ -16,6 +16,7 @@ EPOCH = np.dtype(  # what the sensors said at one moment, and since the one befo
         ("turn", "f8"),  # rad
         ("forward", "f8"),  # m
         ("left", "f8"),  # m
+        ("unsure", "f8"),  # m², variance of the arc beyond that of odometry, of coarse steps
         # GNSS
         ("fix", "f8", (5,)),  # x, y (plane), sigma_major, sigma_minor (m), heading of major (rad)
         ("speed", "f8"),  # m/s

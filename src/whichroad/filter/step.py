@@ -278,10 +278,10 @@ def _noise(
     measured = epoch.odometry_valid != 0 and epoch.odometry_valid != AHEAD
     if state.mode == CLOCK or measured or is_alone(epoch):
         state.unmeasured = 0.0
-        return unsure_of(state, noise)
+        return unsure_of(state, noise, metres, epoch.arc)
     before = state.unmeasured
     state.unmeasured += metres
-    noise = extrapolated(unsure_of(state, noise), before, metres)
+    noise = extrapolated(unsure_of(state, noise, metres, epoch.arc), before, metres)
     if epoch.odometry_valid == AHEAD:
         return driven_unseen(noise, state.vetting.silent - left, dt)
     return noise

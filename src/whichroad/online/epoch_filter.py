@@ -121,13 +121,12 @@ _ROW = packed(
 )  # fmt: skip
 _WATCHED_EPOCH = packed(EPOCH, "time", "arc", "turn", "fix", "has_fix")
 _WATCHED = packed(ESTIMATE, "x", "y", "heading", "map_x", "map_y", "speed", "gnss_scale")
-_MOTION = packed(EPOCH, "time", "arc", "turn", "forward", "left")
+_MOTION = packed(EPOCH, "time", "arc", "turn", "forward", "left", "unsure")
 _FIXED = packed(EPOCH, "fix", "speed", "speed_sigma", "course", "course_sigma")
 _FIX_AT = offset_of(EPOCH, "fix")
 _ODOMETRY_VALID = offset_of(EPOCH, "odometry_valid")
 _HAS_FIX = offset_of(EPOCH, "has_fix")
-_GYRO = offset_of(EPOCH, "gyro")
-_GEARED = offset_of(EPOCH, "geared")
+_GYRO, _GEARED = offset_of(EPOCH, "gyro"), offset_of(EPOCH, "geared")
 _EVIDENCE = offset_of(EPOCH, "evidence")
 _COUNT, _ROWS, _TIME = (at_word(FILTER, name) for name in ("count", "rows", "time"))
 _SPEED, _HEARD = at_word(FILTER, "speed"), at_word(FILTER, "heard")
@@ -300,7 +299,10 @@ class EpochFilter:
         if path is not self.path or history is not self.history:
             self.path, self.history, self._call = path, history, None
 
-    def fill(self, time: float, arc: float, turn: float, valid: int, by: int = BY_WHEELS) -> None:
+    def fill(
+        self, time: float, arc: float, turn: float, valid: int, by: int = BY_WHEELS,
+        unsure: float = 0.0,
+    ) -> None:  # fmt: skip
         """Write an epoch without a fix.
 
         Args:
@@ -309,9 +311,10 @@ class EpochFilter:
             turn: rad.
             valid: 1: measured; 2: expected until the next reading; 0: extrapolated.
             by: What measures the turn, as `filter.vetting.windows` counts it.
+            unsure: Variance of the arc beyond that of odometry, m².
         """
         epoch = self.epoch
-        _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn))
+        _MOTION.pack_into(epoch, 0, time, arc, turn, *arc_chord(arc, turn), unsure)
         epoch[_ODOMETRY_VALID] = valid
         epoch[_GYRO] = by
         epoch[_HAS_FIX] = epoch[_EVIDENCE] = 0

@@ -32,6 +32,7 @@ from ..roadmap.extent import check_start
 from ..sensors import Sensor
 from ..sensors.beside_wheels import driven_on
 from ..sensors.dead_band import DeadBand
+from ..sensors.even_steps import EvenSteps
 from ..sensors.glitches import Glitches
 from ..sensors.gnss import fix_row
 from ..sensors.gyro_turns import GyroTurns
@@ -115,15 +116,14 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         if self._past is not None:
             self._filter = EpochFilter(ctx, new_belief(True), new_path(1 << 14), self._past.history)
         self._ahead: EpochFilter | None = None  # of `predict`
-        self._odometer: tuple[float, float, float] | None = None  # time, distance, turn
-        self._rate = (0.0, 0.0)  # m/s, rad/s
+        self._odometer, self._rate = None, (0.0, 0.0)  # time, distance, turn; m/s, rad/s
         self._gyro = GyroTurns(self.vehicle.track_width)
-        self._band = DeadBand(self.vehicle.least_speed)  # below which the odometry reads 0
         self._creeps, self._glitches = False, Glitches()  # whether it does so now; of rates
+        self._band, self._steps = DeadBand(self.vehicle.least_speed), EvenSteps()  # of slow ways
         self._filter.belief.state[0].vetting.slow.least = self._band.least
         self._sensing = Sensing(sensors, self.roads)
         self._interval = 0.0  # s, usually between odometry readings
-        self._began: float | None = None  # when the first fix came, until the next reading
+        self._began = None  # when the first fix came, until the next reading
         self._reading: Reading | None = None
         self._start = check_start(StartPose.of(start), self.roads)
         self._far_fix = (-math.inf, 0.0)  # time of the last fix, m it is away if not believed
@@ -253,12 +253,12 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         if now and is_worse(reading, now) and not self._is_lost(reading.time - now.time):
             self.skipped[SECOND] = self.skipped.get(SECOND, 0) + 1
             return False
-        reading = self._glitches.without(now, reading, self.skipped)
+        reading = self._steps.even(self._glitches.without(now, reading, self.skipped))
         arc, turn, valid, by = self._increment(reading)
         steered = self._gyro.alone or not isinstance(reading, Distance)
         self._filter.set_mode(WHEELS if steered else DISTANCE, reading.geared)
         self._begin_at_start(reading.time)
-        self._filter.fill(reading.time, arc, turn, valid, by)
+        self._filter.fill(reading.time, arc, turn, valid, by, self._steps.unsure)
         self._run()
         return True
 
@@ -280,7 +280,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             before, reading, self.vehicle, self._rate, self.skipped, silent
         )
         least = self._band.least
-        self._creeps = self._band.take(before, reading, arc)
+        self._creeps = not self._steps.step and self._band.take(before, reading, arc)
         if self._band.least != least:
             self._heed_least_speed(least)
         arc, turn = self._gyro.steered(before, reading, arc, turn)

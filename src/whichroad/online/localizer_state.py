@@ -81,7 +81,8 @@ class Odometry(NamedTuple):
     sensed: list[Any]  # and `Sensing`,
     clocks: list[Any]  # and `set_back.Clocks`,
     band: list[Any]  # whether the vehicle may creep, and `sensors.dead_band.DeadBand`
-    glitches: list[float]  # what `sensors.glitches.Glitches` keeps
+    glitches: list[float]  # what `sensors.glitches.Glitches` keeps,
+    steps: list[Any]  # and `sensors.even_steps.EvenSteps`
 
 
 @dataclass(frozen=True, slots=True)

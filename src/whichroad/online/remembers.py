@@ -12,6 +12,7 @@ from ..observations import StartPose
 from ..roadmap import RoadMap
 from ..sensors import Sensor
 from ..sensors.dead_band import DeadBand
+from ..sensors.even_steps import EvenSteps
 from ..sensors.glitches import Glitches
 from ..sensors.gyro_turns import GyroTurns
 from ..settings import Settings, Vehicle
@@ -43,6 +44,7 @@ class Remembers:
     _band: DeadBand
     _creeps: bool
     _glitches: Glitches
+    _steps: EvenSteps
     _sensing: Sensing
     _start: StartPose | None
     _statistics: ConsistencyStatistics
@@ -112,7 +114,7 @@ class Remembers:
                 self._odometer, self._rate, self._interval, self._began, self._reading,
                 self._far_fix, now.mode, self._gyro.kept(), self._sensing.kept(),
                 self._clocks.kept(), [self._creeps, *self._band.kept()],
-                self._glitches.kept(),
+                self._glitches.kept(), self._steps.kept(),
             )  # fmt: skip
             return State(
                 now.time, now.count, now.tables(), odometry, self._made(), dict(self.skipped),
@@ -143,6 +145,7 @@ class Remembers:
             self._creeps = known.band[0]
             self._band.restore(known.band[1:])
             self._glitches.restore(known.glitches)
+            self._steps.restore(known.steps)
             now.belief.state[0].vetting.slow.least = self._band.least  # as this vehicle says
             self._odometer, self._rate = known.odometer, known.rate
             self._interval, self._began = known.interval, known.began

@@ -30,6 +30,7 @@ from ..observations import (
 )
 from ..settings import Vehicle
 from .beside_wheels import beside_wheels
+from .even_steps import even_log
 from .gyro_turns import turns_at
 from .takeover import Takeover
 from .validation import BACKS, FASTEST, UNSEEN, Skipped
@@ -52,7 +53,15 @@ class Motion(NamedTuple):
     takeover: Takeover | None = None  # of a gyro beside wheels: which of them is wrong
     least_speed: float = 0.0  # m/s, below which it reads 0; 0: there is no such
     counted: bool = False  # it is counted, not a sum of speeds
+    unsure: Array | None = None  # (n,) m², of each way beyond what is usual, of coarse steps
     tick: float = 0.0  # rad that ticks of the wheels that measure it resolve (`turn_of_ticks`)
+
+    def unsure_at(self, time: Array) -> Array | float:
+        """Variance of the way to each moment beyond what is usual, m², (n,), or to all of them."""
+        if self.unsure is None:
+            return 0.0
+        summed = np.interp(time, self.time, np.cumsum(self.unsure))
+        return np.diff(summed, prepend=summed[0])
 
 
 def _integral(time: Array, rate: Array) -> Array:
@@ -83,8 +92,9 @@ def motion_of(log: OdometryLog, vehicle: Vehicle, fixes: Fixes | None = None) ->
             left = by_left * _integral(log.time, log.left)
             right = by_right * _integral(log.time, log.right)
         case Odometer():
-            distance = vehicle.odometer_scale * (log.distance - log.distance[0])
-            return Motion(log.time, distance, None)
+            even, unsure = even_log(log)
+            distance = vehicle.odometer_scale * (even.distance - even.distance[0])
+            return Motion(log.time, distance, None, unsure=unsure)
         case SpeedYawRate():
             distance = vehicle.odometer_scale * _integral(log.time, log.speed)
             turn = _integral(log.time, true_rate(log.yaw_rate, vehicle))
@@ -130,9 +140,8 @@ def _with_gyro(motion: Motion, gyro: YawRates) -> Motion:
     steps = np.diff(turned, prepend=turned[:1])
     heard = near & np.concatenate([near[:1], near[:-1]])
     turn = np.cumsum(np.where(heard, steps, 0.0))
-    return Motion(
-        motion.time, motion.distance, turn, gyro=True, by=np.where(heard, BY_GYRO, UNTURNED)
-    )
+    by = np.where(heard, BY_GYRO, UNTURNED)
+    return motion._replace(turn=turn, gyro=True, by=by)
 
 
 def nearest_step(step: float, modulus: float, expected: float) -> float:

@@ -162,7 +162,7 @@ def observe_motion(belief: Belief, ctx: Context, epoch: Record, thin: float) -> 
         observe_state(belief, ctx, H, epoch.course - math.atan(swing), variance, 0.0)
         face_course(belief)
         state.course_time = epoch.time
-    rolls = state.mode == WHEELS and state.vetting.slip.by == 0.0
+    rolls = state.mode == WHEELS and state.vetting.slip.by == 0.0 and state.vetting.slow.coarse == 0
     if rolls and epoch.speed_sigma < 5.0 and abs(state.turn_rate[0]) < _TURNING:
         odometer_speed = abs(state.odometer_speed)
         if min(epoch.speed, odometer_speed) > _SLOW:

@@ -58,6 +58,7 @@ SLOW = np.dtype(  # such odometry, see `filter.creeping`
         ("variance", "f8"),  # of the way of this epoch, m²,
         ("turn", "f8"),  # and of its turn, rad²
         ("unreckoned", "f8"),  # m², of ways that copies of the belief have not taken yet
+        ("coarse", "u1"),  # 1: it counts in coarse steps, so that its speed jumps
     ],
     align=True,
 )

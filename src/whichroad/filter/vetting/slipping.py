@@ -55,6 +55,9 @@ def weigh_slip(vetting: Record, epoch: Record, believed: bool) -> None:
     """
     slip = vetting.slip
     windows = vetting.windows
+    if vetting.slow.coarse == 1:
+        slip.by = slip.way = slip.seconds = 0.0
+        return
     since = epoch.time - slip.time
     slack = _SIGMAS * epoch.speed_sigma + _SLACK
     change = abs(epoch.speed - windows.speed)
