@@ -41,7 +41,7 @@ _SURE = 0.8  # P of the road across which offsets are compared
 _WHITE_PRIOR = 0.5  # white variance over the reported one of sparse fixes, before it is seen
 _PRIOR_COUNT = 4.0  # prior sample count, in differences of fixes
 _REMEMBERED = 15.0  # differences of fixes that are averaged at least
-_COARSE_BIAS, _COARSE_WHITE = 0.3, 0.8  # the same of the variance, and sigma, of coarse ones
+_COARSE_BIAS, _COARSE_WHITE = 0.3, 0.8  # of coarse ones: that share; σ of white noise over theirs
 _LEAST_BIAS = 0.1  # share of the bias in the variance of fixes, at least
 
 

@@ -88,9 +88,9 @@ def _predict_off_road(hyp: Record, state: Record, fix: SparseFix) -> None:
     way = max(mean[K], _LEAST_SPEED) * fix.dt
     square = way * way + process.variance + fix.dt * fix.dt * cov[K, K]
     forward = chord.mean * fix.dt
-    mapped = (forward * mean[K]) ** 2
-    along = square * chord.along - mapped - forward * forward * cov[K, K]
-    across = square * chord.across - mapped * cov[H, H]
+    moved = (forward * mean[K]) ** 2
+    along = square * chord.along - moved - forward * forward * cov[K, K]
+    across = square * chord.across - moved * cov[H, H]
     c, s = math.cos(mean[H]), math.sin(mean[H])
     dx = (fix.x - mean[X]) / state.scale - c * forward * mean[K]
     dy = (fix.y - mean[Y]) / state.scale - s * forward * mean[K]
