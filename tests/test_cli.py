@@ -96,6 +96,26 @@ def test_a_missing_map_is_one_line(run, tmp_path):
     assert "none.osm.pbf" in one_error(run("map", "info", tmp_path / "none.osm.pbf"))
 
 
+@pytest.mark.parametrize("option", [["--tz", "Mars"], ["--dates", "ydm"]])
+@pytest.mark.parametrize("command", ["match", "inspect", "calibrate", "fleet"])
+@pytest.mark.parametrize("drive", ["drive.gpx", "trips.csv"])
+def test_no_zone_and_no_order_of_dates_is_refused_before_the_work(
+    run, tmp_path, command, drive, option
+):
+    if drive == "drive.gpx":  # whose times name their zone
+        point = '<trkpt lat="49.4" lon="8.7"><time>2026-06-01T08:00:00Z</time></trkpt>'
+        text = f"<gpx><trk><trkseg>{point}</trkseg></trk></gpx>"
+    else:  # of many trips
+        text = "trip_id,time,lat,lon\na,2026-06-01T08:00:00Z,49.4,8.7\n"
+        text += "b,2026-06-01T09:00:00Z,49.4,8.7\n"
+    (tmp_path / drive).write_text(text)
+    places = ["--map", tmp_path / "none.map", "-o", tmp_path / "o.toml"]
+    places = [] if command == "inspect" else places[:2] if command == "match" else places
+    error = one_error(run(command, tmp_path / drive, *places, *option))
+    assert f"'{option[1]}' is no" in error
+    assert "was expected" in error
+
+
 def test_an_output_that_exists_is_refused_before_the_work(run, tmp_path):
     (tmp_path / "points.csv").write_text("mine")
     error = one_error(run("match", "drive.nmea", "--map", "m", "-o", tmp_path / "points.csv"))

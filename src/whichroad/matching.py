@@ -31,6 +31,7 @@ from .readers import (
     vehicle_beside,
 )  # fmt: skip
 from .readers.checks import NO_POSITION
+from .readers.dates import Writing
 from .readers.reading import own_columns
 from .recorded import Recorded, localize_by_paper, localize_recorded
 from .roadmap import RoadMap, open_map
@@ -163,13 +164,14 @@ def match(
         are in `summary["failed"]`, each by its name and why; the others go on.
 
     Raises:
-        ReadError: A file could not be understood.
+        ReadError: A file could not be understood, or there is no such zone or order of dates.
         MapError: The drive is nowhere near the map, or the map is not one.
         DriveError: Nothing could be answered.
         SettingError: A setting or the model's name is out of bounds.
     """
     if model not in MODELS:
         raise SettingError(f"model is {model!r}; one of {', '.join(MODELS)} was expected")
+    Writing.of(tz, dates)  # before a map is read for minutes
     pose = _start(start, model)
     later = Lag.of(lag)
     if later is not None and model == "paper":

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import DriveError
 from ..observations import Drive
 from ..readers import read_drive, read_vehicle, vehicle_beside
+from ..readers.dates import Writing
 from ..roadmap import RoadMap, open_map
 from ..roadmap.extent import are_near
 from ..settings import Settings, Vehicle, to_toml
@@ -106,10 +107,11 @@ def calibrate(
         The car, and each number with its interval and its held-out evidence.
 
     Raises:
-        ReadError: A file could not be understood.
+        ReadError: A file could not be understood, or there is no such zone or order of dates.
         MapError: No drive is near the map, or the map is not one.
         DriveError: No drive has both fixes and odometry, or too little was driven.
     """
+    Writing.of(reading.get("tz"), reading.get("dates"))
     if isinstance(vehicle, str | Path):
         vehicle = read_vehicle(vehicle)
     start = vehicle or vehicle_beside(drives) or Vehicle()

@@ -42,14 +42,17 @@ def match_trips(
 
     Raises:
         DriveError: No trip could be answered.
+        ReadError: There is no such zone or order of dates.
     """
     from ..batch import match_stream
+    from ..readers.dates import Writing
     from ..readers.many_trips import own_names, zone_note
     from ..readers.trip_files import dataset_of
     from ..roadmap import left_out, open_map
     from ..tables.schema import thinned
     from ..writers.stream import growing
 
+    Writing.of(options["tz"], options.get("dates"))
     drive_id, columns = options["drive_id"], options["columns"]
     skipped: list[str] = []
     own, trip = own_names(columns, drive_id)

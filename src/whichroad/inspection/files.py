@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from ..errors import ReadError, WhichroadError
 from ..observations import Drive
 from ..readers import read_drive, read_vehicle
+from ..readers.dates import Writing
 from ..readers.drives import IN_A_CRS
 from ..readers.folders import answer_in, is_recording, sorted_out
 from ..readers.formats import format_of
@@ -64,8 +65,12 @@ def inspect_files(
         vehicle: The car's `vehicle.toml`.
         settings: The model's numbers; those of sigmas that are not reported are said.
         reading: How tables are to be read, as `read_drive` takes it, such as `crs`.
+
+    Raises:
+        ReadError: There is no such zone or order of dates.
     """
     given = {name: value for name, value in reading.items() if value is not None}
+    Writing.of(given.get("tz"), given.get("dates"))
     found = _Files(settings or Settings(), given)
     files = [*files, *(file for file in (can, dbc, vehicle) if file is not None)]
     first = [

@@ -63,7 +63,13 @@ class Reading:
     def of(
         cls, vehicle: Vehicle | None = None, settings: Settings | None = None, **more: Any
     ) -> "Reading":
-        """The same from arguments of which None stands for the default."""
+        """The same from arguments of which None stands for the default.
+
+        Raises:
+            ReadError: There is no such zone or order of dates.
+            SettingError: `columns` or `id` are not what they should be.
+        """
+        Writing.of(more.get("tz"), more.get("dates"))
         own = own_columns(more.get("columns"))
         check_one(more.get("id"))
         if more.get("id") is not None:
