@@ -343,6 +343,9 @@ def test_files_are_compared_by_their_suffix(tmp_path):
     pa.csv.write_csv(pa.table(points), tmp_path / "points.csv")
     pa.parquet.write_table(pa.table(truth), tmp_path / "truth.parquet")
     figures = evaluate_files(tmp_path / "points.csv", tmp_path / "truth.parquet")
+    text = pd.read_csv(tmp_path / "points.csv").to_csv(index=False, sep=";", decimal=",")
+    (tmp_path / "excel.csv").write_text(f"sep=;\n{text}")
+    assert evaluate_files(tmp_path / "excel.csv", tmp_path / "truth.parquet") == figures
     assert figures["right_edge"] == 1.0
     assert figures["inside_95"] == 1.0
     with pytest.raises(ReadError, match="names no table"):

@@ -193,6 +193,17 @@ def test_csv_files_of_other_headers_stay_in_their_order(town, tmp_path):
     ]  # fmt: skip
 
 
+def test_csv_files_that_tell_excel_their_separator(town, usual, tmp_path):
+    (tmp_path / "in").mkdir()
+    named = frame(4, 8).rename(columns={"lat": "latitude"})
+    for name, part in (("a", frame(0, 4)), ("b", named), ("c", named.iloc[:0])):
+        text = part.to_csv(index=False, sep=";")
+        (tmp_path / "in" / f"{name}.csv").write_text(f"sep=;\n{text}")
+    check_same(by_fleet(tmp_path / "in", town, tmp_path / "out"), usual)
+    paths = sorted((tmp_path / "in").iterdir())
+    assert [[p.name for p in group] for group in _by_header(paths)] == [["a.csv"], ["b.csv"]]
+
+
 @pytest.mark.parametrize("empty", ["", "a,b\n"])
 def test_a_csv_file_without_rows_leaves_the_others_as_they_are(town, tmp_path, empty: str):
     (tmp_path / "in").mkdir()

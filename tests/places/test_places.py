@@ -209,6 +209,8 @@ def test_formats_of_tables_say_the_same(tmp_path, roads):
     plain.write_text("id,Latitude,Longitude,sigma_m\n7,49.4,2.8,0.5\n8,49.41,2.81,\n")
     commas = tmp_path / "commas.csv"
     commas.write_text("id;Latitude;Longitude;sigma_m\n7;49,4;2,8;0,5\n8;49,41;2,81;\n")
+    told = tmp_path / "told.csv"
+    told.write_text("sep=;\n" + commas.read_text())
     frame = geopandas.GeoDataFrame(
         {"id": [7, 8], "sigma_m": [0.5, None]},
         geometry=geopandas.points_from_xy(lon, lat), crs="EPSG:4326",
@@ -220,7 +222,7 @@ def test_formats_of_tables_say_the_same(tmp_path, roads):
         {"id": 7, "lat": 49.4, "lon": 2.8, "sigma_m": 0.5},
         {"id": 8, "lat": 49.41, "lon": 2.81},
     ]
-    for given in (plain, commas, geojson, parquet, frame, rows):
+    for given in (plain, commas, told, geojson, parquet, frame, rows):
         read = read_places(given)
         assert read.ids == [7, 8]
         assert np.allclose(read.lat, lat)

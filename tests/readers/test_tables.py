@@ -609,6 +609,10 @@ def test_semicolons_a_mark_of_utf8_and_old_encodings_do_not_disturb(put):
     text = f"time;lat;lon;straße\n{T0};49.4;8.7;x\n"
     for content in (text.encode(), b"\xef\xbb\xbf" + text.encode(), text.encode("latin-1")):
         assert len(read_drive(put("x.csv", content))[0].fixes) == 1
+    for said in (b"sep=;\n", b"\xef\xbb\xbfSEP=;\r\n", b'"sep=;"\n'):  # for Excel
+        (drive,) = read_drive(put("x.csv", said + text.encode()))
+        assert len(drive.fixes) == 1
+        assert not drive.skipped
 
 
 @pytest.mark.parametrize(

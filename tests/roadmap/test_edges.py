@@ -1,5 +1,6 @@
 """Maps from anyone's table of roads."""
 
+import gzip
 import json
 
 import geopandas
@@ -161,17 +162,21 @@ def test_every_form_of_the_table_gives_the_same_map(town, tmp_path):
         same(roads, RoadMap.from_edges(form), 0.02)  # GeoJSON has seven decimals
 
 
+@pytest.mark.parametrize("said", ["", "sep={}\n", '"sep={}"\r\n'])  # as Excel is told of it
 @pytest.mark.parametrize(
     ("delimiter", "name"),
     [(";", "a.csv"), ("\t", "a.csv"), ("|", "a.csv"), (";", "a.csv.gz"), ("\t", "a.tsv"),
      (";", "a.tsv")],
 )  # fmt: skip
-def test_cells_are_parted_as_the_line_of_names_is(town, tmp_path, delimiter, name):
+def test_cells_are_parted_as_the_line_of_names_is(town, tmp_path, delimiter, name, said):
     """Those of a European spreadsheet have semicolons, and commas within numbers."""
     roads = RoadMap.from_edges(town.assign(width=3.25, name="Hof 1,5"))
     table = town.assign(width="3,25", name="Hof 1,5").to_wkt(rounding_precision=15)
     table.loc[0, "width"] = ""
-    table.to_csv(tmp_path / name, index=False, sep=delimiter, encoding="utf-8-sig")
+    text = said.format(delimiter) + table.to_csv(index=False, sep=delimiter)
+    opened = gzip.open if name.endswith(".gz") else open
+    with opened(tmp_path / name, "wt", encoding="utf-8-sig", newline="") as file:
+        file.write(text)
     read = RoadMap.from_edges(tmp_path / name)
     same(roads, read, 1e-9)
     assert read.name(0) == "Hof 1,5"

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import ReadError, SettingError, comes_with
 from ..observations import Array
+from ..roadmap.open_table import read_csv
 
 Bools = NDArray[np.bool_]
 
@@ -99,9 +100,7 @@ def read_table(path: Path) -> Any:
 
                 return read_arrow(path.read_bytes())[0]
             case ".csv":
-                import pyarrow.csv as csv
-
-                return csv.read_csv(path)
+                return read_csv(path)
             case ".geojson" | ".json":
                 with comes_with("geo", f"{path}: this format"):
                     import geopandas

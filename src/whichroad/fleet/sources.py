@@ -19,6 +19,7 @@ from ..readers.mixed_files import (
 )
 from ..readers.names import find
 from ..readers.trip_files import are_mixed, joined_schema, schemas_of
+from ..roadmap.open_table import SEPARATOR
 from .inputs import Inputs, used_columns
 
 LOCAL = r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?"
@@ -195,10 +196,13 @@ def _by_header(paths: Sequence[Path]) -> list[list[Path]]:
 
 
 def _head(path: Path) -> tuple[bytes, bool]:
-    """The first line of a CSV file, and whether another one follows it."""
+    """The line of names of a CSV file, and whether another one follows it."""
     try:
         with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
-            first, more = file.readline(_HEADER), bool(file.readline(1))
+            first = file.readline(_HEADER)
+            if SEPARATOR.match(first):
+                first += file.readline(_HEADER)
+            more = bool(file.readline(1))
         first.decode()
         return first.rstrip(), more
     except (OSError, EOFError, UnicodeDecodeError):  # DuckDB will say what is wrong with it

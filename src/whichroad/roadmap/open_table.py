@@ -1,6 +1,7 @@
 """Opening a table of roads: files and tables of any kind to `sheet.Sheet`."""
 
 import csv
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from .sheet import Sheet, from_arrow, from_frame
 
 _EDGES = "edges"  # the layer of OSMnx with the lines
 _HEAD = 1 << 16  # bytes within which the line of names ends
+SEPARATOR = re.compile(rb'(?:\xef\xbb\xbf)?"?sep=[^\r\n]+\r?\n', re.IGNORECASE)
+"""The line `sep=;` by which files tell Excel what parts their cells."""
 
 
 def open_sheet(table: Any) -> Sheet:
@@ -99,8 +102,8 @@ def _layer(path: Path) -> str | None:
 def read_csv(path: Path) -> Any:
     """A CSV file, compressed or not, as an Arrow table; words that are not UTF-8 are mended.
 
-    Commas, semicolons, tabs or bars part its cells, as the line of names shows.  Where commas do
-    not, numbers may have them for points.
+    Commas, semicolons, tabs or bars part its cells, as the line of names shows; before it may be
+    a line `sep=;`.  Where commas do not part cells, numbers may have them for points.
     """
     import pyarrow as pa
     import pyarrow.csv
@@ -113,11 +116,15 @@ def read_csv(path: Path) -> Any:
 
     with opened() as source:
         head = source.read(_HEAD)
-    delimiter = _delimiter(head, path.suffix == ".tsv")
+    said = SEPARATOR.match(head)
+    delimiter = _delimiter(head[said.end() if said else 0 :], path.suffix == ".tsv")
     with opened() as source:
         table = pyarrow.csv.read_csv(
             source,
-            read_options=pyarrow.csv.ReadOptions(block_size=1 << 24),  # a long road is a long line
+            read_options=pyarrow.csv.ReadOptions(
+                block_size=1 << 24,  # a long road is a long line
+                skip_rows=1 if said else 0,
+            ),
             parse_options=pyarrow.csv.ParseOptions(delimiter=delimiter, newlines_in_values=True),
         )
     for i, column in enumerate(table.columns):
