@@ -5,9 +5,19 @@ import pyarrow as pa
 import pytest
 
 import whichroad
-from whichroad import Localizer, WriteError, match, read_drive
+from whichroad import (
+    Distance,
+    Localizer,
+    SpeedYaw,
+    WheelSpeed,
+    WheelTicks,
+    WriteError,
+    match,
+    read_drive,
+)
 from whichroad.evaluate.input_tables import read_table
 from whichroad.live.checkpoint import Checkpoint
+from whichroad.live.playback import RecordedObservations
 from whichroad.live.recording import Appended, Recorder
 from whichroad.live.vehicle_run import Fitted, VehicleRun
 from whichroad.tables.schema import read_arrow
@@ -106,6 +116,29 @@ def test_a_car_without_wheel_sensors_is_recorded_too(town, ride, tmp_path, kind)
     record(tmp_path / "rec", town, ride, [kind(1.7e9 + 0.1 * k, *values) for k in range(20)])
     (drive,) = read_drive(tmp_path / "rec", vehicle=ride.vehicle)
     assert len(drive.odometry.time) == 20
+
+
+@pytest.mark.parametrize("kind", [WheelTicks, WheelSpeed, SpeedYaw, Distance])
+def test_a_recording_keeps_that_signs_are_those_of_a_gear(town, ride, tmp_path, kind):
+    """Also where the gear is heard in mid-drive, and the recording goes on after a restart."""
+    folder = tmp_path / "rec"
+    few = 1 if kind is Distance else 2
+
+    def reading(k, geared):
+        return kind(1.7e9 + 0.1 * k, *[-0.05 * k] * few, geared)
+
+    record(folder, town, ride, [reading(k, False) for k in range(20)])
+    (drive,) = read_drive(folder, vehicle=ride.vehicle)
+    assert not drive.geared
+    record(folder, town, ride, [reading(k, k > 30) for k in range(20, 60)])
+    for _ in range(2):
+        (drive,) = read_drive(folder, vehicle=ride.vehicle)
+        assert drive.geared
+        played = RecordedObservations(drive)
+        assert all(played[k].geared for k in range(len(played)))
+        record(folder, town, ride, [reading(60, False)])  # a later start that hears no gear
+    (folder / "recording.json").write_text("{")
+    assert not read_drive(folder, vehicle=ride.vehicle)[0].geared
 
 
 def test_an_odometer_and_a_gyro_are_recorded_each_at_its_own_times(town, ride, tmp_path):

@@ -31,7 +31,7 @@ from ..observations import (
     YawRate,
 )
 from ..online import Localizer
-from ..readers.folders import READINGS
+from ..readers.folders import ABOUT, READINGS, is_geared
 from ..roadmap import RoadMap
 from ..tables.export import points_table
 from ..tables.schema import POINTS, RECORDING, TIME, times
@@ -46,7 +46,6 @@ _ODOMETRY = {
 }
 _COLUMNS = tuple(dict.fromkeys(name for names in _ODOMETRY.values() for name in names))
 _PLACE = {kind: tuple(_COLUMNS.index(name) for name in names) for kind, names in _ODOMETRY.items()}
-ABOUT = "recording.json"
 
 
 def _schema(names: tuple[str, ...]) -> pa.Schema:
@@ -175,7 +174,8 @@ class Recorder:
     Args:
         folder: Made if it is not there; an earlier recording is gone on with.
         roads: The map of the estimates.
-        about: Written to `recording.json`.
+        about: Written to `recording.json`, with `geared`: whether odometry came whose sign is a
+            gear's.
         columns: Those that further sensors read; their readings are recorded, too.
 
     Attributes:
@@ -189,8 +189,9 @@ class Recorder:
         self, folder: Path, roads: RoadMap, about: dict[str, Any], columns: Sequence[str] = ()
     ) -> None:
         make_folder(folder)
+        self._folder, self._about = folder, about | {"geared": is_geared(folder)}
         try:
-            (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+            self._write_about()
         except OSError as error:
             raise _no_folder(folder, error) from None
         self._roads, self._name = roads, folder.name
@@ -250,6 +251,12 @@ class Recorder:
 
     def _write(self, seen: list[Observation], estimates: list[tuple[bytes, bytes]]) -> None:
         failed = None
+        if not self._about["geared"] and any(getattr(one, "geared", False) for one in seen):
+            self._about["geared"] = True
+            try:
+                self._write_about()
+            except OSError as error:
+                self._about["geared"], failed = False, error  # the next batch tries again
         for stream, table in self._tables(seen, estimates):
             try:
                 stream.append(table)
@@ -257,6 +264,12 @@ class Recorder:
                 failed, self.lost = error, self.lost + table.num_rows
         if failed is not None:
             raise failed
+
+    def _write_about(self) -> None:
+        """Replace `recording.json`, so that it is whole at every moment."""
+        part = self._folder / f"{ABOUT}.part"
+        part.write_text(json.dumps(self._about, indent=2) + "\n", encoding="utf-8")
+        part.replace(self._folder / ABOUT)
 
     def _tables(
         self, seen: list[Observation], estimates: list[tuple[bytes, bytes]]
@@ -294,7 +307,7 @@ def _fix_table(fixes: list[GeoFix]) -> pa.Table:
 def _odometry_table(readings: list[Any]) -> pa.Table:
     columns: list[list[float | None]] = [[None] * len(readings) for _ in _COLUMNS]
     for row, one in enumerate(readings):
-        for place, name in zip(_PLACE[type(one)], one.__slots__, strict=False):  # less `geared`
+        for place, name in zip(_PLACE[type(one)], one.__slots__, strict=False):  # but `geared`
             columns[place][row] = getattr(one, name)
     return _table(_COLUMNS, columns)
 

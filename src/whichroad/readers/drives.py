@@ -19,6 +19,7 @@ from .folders import (
     Folder,
     by_folder,
     described_folders,
+    is_geared,
     is_recording,
     named_by,
     sorted_out,
@@ -310,11 +311,14 @@ def _recording(folder: Path, reading: Reading) -> list[Part]:
     further = {k: v for k, v in reading.columns.items() if k.startswith(SENSED)}
     if further and (folder / READINGS).is_file():
         files.append(folder / READINGS)
-    parts = []
+    parts, geared = [], is_geared(folder)
     for file in [file for file in files if _has_rows(file)]:  # a drive may be without wheels
         own = further if file.name == READINGS else {}
         drives = read_table(file, Reading(straight, reading.settings, columns=own))
-        drives = [replace(drive, drive_id=folder.name) for drive in drives]
+        drives = [
+            replace(drive, drive_id=folder.name, geared=geared and drive.odometry is not None)
+            for drive in drives
+        ]
         parts.append(Part(f"{folder.name}/{file.name}", "table", drives, True))
     if not parts:
         raise ReadError(f"{folder}: nothing was recorded; fixes or odometry were expected")

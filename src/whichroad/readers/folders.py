@@ -1,6 +1,7 @@
 """Folders of drives: which files are the drive, which describe the car, which are left out."""
 
 import glob
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -18,6 +19,7 @@ from .vehicle import read_vehicle
 
 VEHICLE = "vehicle.toml"  # name of a car's description in the folder of its drives
 READINGS = "readings.arrow"  # of further sensors, in a recording of `whichroad live`
+ABOUT = "recording.json"  # what it tells of itself
 _DBC = ".dbc"
 _TABLES = (".parquet", ".geoparquet", ".pq", ".arrow", ".feather", ".csv")
 _SUMMARY = "summary.json"  # of `whichroad demo`
@@ -153,6 +155,14 @@ def described_folders(given: Sequence[Any]) -> dict[Path, list[Any]]:
 def is_recording(folder: Path) -> bool:
     """Whether `whichroad live --record` wrote this folder."""
     return any((folder / name).is_file() for name in ("fixes.arrow", "odometry.arrow"))
+
+
+def is_geared(folder: Path) -> bool:
+    """Whether a recording tells that its odometry has the sign of a gear."""
+    try:
+        return bool(json.loads((folder / ABOUT).read_bytes()).get("geared", False))
+    except (OSError, ValueError, AttributeError):  # it is not there, torn, or something else
+        return False
 
 
 def vehicle_beside(given: Any) -> Vehicle | None:
