@@ -1,6 +1,7 @@
 """Sources that cannot be opened say why, once; they are tried again, and end without a word."""
 
 import asyncio
+import contextlib
 import gc
 import itertools
 import os
@@ -13,6 +14,7 @@ import pytest
 
 from live.service import Served, free_port, knock, on_air
 from whichroad import Localizer, ReadError, SettingError, Vehicle
+from whichroad.live import sources
 from whichroad.live.addresses import can_address, nmea_address
 from whichroad.live.decode import NmeaStream
 from whichroad.live.health import Health
@@ -201,3 +203,47 @@ def test_what_cannot_be_begun_leaves_nothing_half_begun(town, tmp_path, broken):
         with pytest.raises((SettingError, ReadError), match=r"in use|not a CAN database"):
             asyncio.run(run.run())
     gc.collect()
+
+
+def test_a_connection_that_died_unheard_is_dropped_and_its_sender_gets_in(files, ride, monkeypatch):
+    """A cut cable ends no connection: nothing comes any more, and the sender connects again."""
+    monkeypatch.setattr(sources, "_DEAD", 1.0)
+    monkeypatch.setattr("whichroad.live.senders._HELD", 0.5)
+    bursts = list(on_air(nmea_text(ride).encode(), 1_700_000_000))
+    port, taken = free_port(), []
+    health = Health("port", "gnss", lambda _: None)
+
+    def make():
+        return NmeaInput(health, NmeaStream(), lambda _, fixes, __: taken.extend(fixes))
+
+    async def send(bursts, writer):
+        for burst in bursts:
+            writer.write(burst)
+            await asyncio.sleep(0.1)
+
+    async def run():
+        task = asyncio.create_task(
+            sources.listen_tcp(nmea_address(f"listen://127.0.0.1:{port}"), health, make)
+        )
+        await asyncio.sleep(0.1)
+        dead = []
+        for _ in range(3):  # each is cut, and comes again
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            before = len(taken)
+            began = time.perf_counter()
+            while len(taken) < before + 3:
+                await send(bursts[:1], writer)
+                del bursts[0]
+                assert time.perf_counter() - began < 5.0
+            dead.append((reader, writer))
+        for reader, writer in dead:
+            with contextlib.suppress(ConnectionResetError):
+                assert await asyncio.wait_for(reader.read(), 5.0) == b""
+            writer.close()
+        running = [one for one in asyncio.all_tasks() if "serve" in repr(one.get_coro())]
+        assert not running
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+    asyncio.run(run())
