@@ -12,6 +12,7 @@ import pytest
 from websockets.sync.client import connect
 
 from live.service import free_port, on_air
+from readers.truck import DBC
 from whichroad import GeoFix, Localizer, Vehicle, read_vehicle
 from whichroad.live.addresses import can_address, nmea_address
 from whichroad.live.can_bus import BusWatch
@@ -104,19 +105,6 @@ def test_wheels_of_a_bus_and_fixes_of_a_socket_meet(files, town, ride, running):
     assert run.filter_loop.localizer.skipped == {}
 
 
-DBC = """VERSION ""
-BU_: X
-BO_ 2566844926 CCVS1: 8 X
- SG_ WheelSpeed : 8|16@1+ (0.00390625,0) [0|250.996] "km/h" X
-BO_ 2565868030 VDC2: 8 X
- SG_ YawRate : 24|16@1+ (0.0001220703125,-3.92) [-3.92|3.92] "rad/s" X
-BO_ 800 Gears: 1 X
- SG_ Gear : 0|4@1+ (1,0) [0|15] "" X
-BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
-BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
-BA_ "VFrameFormat" BO_ 2566844926 3;
-BA_ "VFrameFormat" BO_ 2565868030 3;
-"""
 CAR = Vehicle(signals={"speed": "WheelSpeed", "yaw_rate": "YawRate", "reverse": "Gear"})
 
 

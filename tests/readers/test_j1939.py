@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from readers.truck import DBC
 from whichroad.errors import ReadError
 from whichroad.observations import Odometer, SpeedYawRate
 from whichroad.readers import read_drive
@@ -13,20 +14,6 @@ from whichroad.readers.j1939 import Senders, bare, group_of, mask_of
 from whichroad.settings import Vehicle
 
 T0 = 1_780_315_200.0
-DBC = """VERSION ""
-BU_: X
-BO_ 2566844926 CCVS1: 8 X
- SG_ WheelSpeed : 8|16@1+ (0.00390625,0) [0|250.996] "km/h" X
-BO_ 2565868030 VDC2: 8 X
- SG_ YawRate : 24|16@1+ (0.0001220703125,-3.92) [-3.92|3.92] "rad/s" X
-BO_ 2364473598 To: 8 X
- SG_ ToSpeed : 0|16@1+ (0.00390625,0) [0|250.996] "km/h" X
-BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";
-BA_DEF_DEF_ "VFrameFormat" "StandardCAN";
-BA_ "VFrameFormat" BO_ 2566844926 3;
-BA_ "VFrameFormat" BO_ 2565868030 3;
-BA_ "VFrameFormat" BO_ 2364473598 3;
-"""
 BOTH = {"speed": "WheelSpeed", "yaw_rate": "YawRate"}
 SPEED, TURN = 2566844926 - 2**31, 2565868030 - 2**31
 
