@@ -27,16 +27,20 @@ def ride() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return time, smooth, np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
 
 
-def readings(uneven: float = 0.0) -> list[Observation]:
-    """Wheel speeds at 10 Hz, the right ones larger by a share, and fixes at 1 Hz."""
+def readings(uneven: float = 0.0, lost: float = 0.0) -> list[Observation]:
+    """Wheel speeds at 10 Hz, the right ones larger by a share, and fixes at 1 Hz.
+
+    Another share is lost evenly from the beginning to the end, as the radius of a leaking tyre.
+    """
     time, place, heading = ride()
     rng = np.random.default_rng(2)
     speed = np.hypot(*np.gradient(place, 0.1, axis=0).T)
     rate = np.gradient(heading, 0.1)
     half = 0.5 * TRUE_WIDTH
+    shares = uneven + lost * time / time[-1]
     found: list[Observation] = [
-        WheelSpeed(1.6e9 + float(t), float(v - half * w), float((v + half * w) * (1.0 + uneven)))
-        for t, v, w in zip(time, speed, rate, strict=True)
+        WheelSpeed(1.6e9 + float(t), float(v - half * w), float((v + half * w) * (1.0 + share)))
+        for t, v, w, share in zip(time, speed, rate, shares, strict=True)
     ]
     slow = np.zeros(2)
     for k in range(0, len(time), 10):
@@ -46,13 +50,13 @@ def readings(uneven: float = 0.0) -> list[Observation]:
     return sorted(found, key=lambda r: r.time)
 
 
-def driven(width: float, uneven: float = 0.0) -> tuple[np.ndarray, list[str]]:
+def driven(width: float, uneven: float = 0.0, lost: float = 0.0) -> tuple[np.ndarray, list[str]]:
     """Time, error of the place and its level after each fix, and what is named."""
     place = ride()[1]
     online = whichroad.Localizer(roads(), vehicle=whichroad.Vehicle(track_width=width))
     places = np.column_stack(roads().plane.from_geodetic(*PLANE.to_geodetic(*place.T)))
     rows = []
-    for reading in readings(uneven):
+    for reading in readings(uneven, lost):
         said = online.update(reading)
         if isinstance(reading, GeoFix) and said.answered:
             t = reading.time - 1.6e9
@@ -82,6 +86,13 @@ def test_wheels_of_two_sizes_are_no_track_width(uneven: float):
     (_, error, level), named = driven(TRUE_WIDTH, uneven)
     assert "wheels: track width" not in named
     assert (error < level).all()
+
+
+@pytest.mark.parametrize("lost", [-0.01, 0.01])
+def test_a_tyre_that_loses_air_is_followed(lost: float):
+    (_, error, level), _ = driven(TRUE_WIDTH, lost=lost)
+    assert (error < level).all()
+    assert np.quantile(error, 0.95) < 6.0 * SIGMA
 
 
 @pytest.mark.parametrize("told", [1.25, TRUE_WIDTH, 1.7])

@@ -101,14 +101,15 @@ def unsure_of(state: Record, noise: Noise, metres: float, arc: float) -> Noise:
     """
     slow = state.vetting.slow
     slip = state.vetting.slip
-    if slow.variance + slip.variance == 0.0 or state.mode == CLOCK:
+    more_drift = state.vetting.walk.more
+    if slow.variance + slip.variance + more_drift == 0.0 or state.mode == CLOCK:
         return noise
     part = metres / abs(arc) if abs(arc) > metres else 1.0
     more = part * slow.variance + slip.variance
     slip.variance = 0.0  # of an epoch, whose pieces are several
     return Noise(
         noise.along + more, noise.across, noise.heading + slow.turn, noise.rate,
-        noise.drift, noise.cross,
+        noise.drift + more_drift * metres, noise.cross,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from .gyro import forget_offset, mend_turn, restart
 from .lookback.history import History
 from .motion import GYRO_PACE
 from .state import CLOCK, DISTANCE, WHEELS, B, Belief, Context, H, K, X, Y, most_probable, redraw
+from .vetting.drift_walk import forget_walk, learn_walk
 from .vetting.facing import face_forward
 from .vetting.latency import clear_latency
 from .vetting.motion_sources import (
@@ -182,8 +183,12 @@ def pass_calibration(belief: Belief, par: Record, gyro: int) -> None:
     """Tell the vetting what was learnt of the odometry's drift."""
     state = belief.state[0]
     if state.mode == WHEELS and state.count > 0:
-        drift = belief.hyp[most_probable(belief)].mu[B]
-        if gyro == BY_GYRO:  # a metre of its clock is a time
+        top = belief.hyp[most_probable(belief)]
+        drift = top.mu[B]
+        if gyro == BY_WHEELS:
+            arc = state.vetting.windows.now.arc
+            learn_walk(state.vetting.walk, drift, top.cov[B, B], arc, par.yaw_bias_noise**2)
+        elif gyro == BY_GYRO:  # a metre of its clock is a time
             drift *= GYRO_PACE / max(abs(state.odometer_speed), _LEAST_PACE)
         state.vetting.drift = drift
     _pass_pose(belief, par)
@@ -228,6 +233,7 @@ def _heed_gyro(belief: Belief, history: History, par: Record, gyro: int) -> None
     vetting.reported[TURN] = 0.0
     vetting.seen[TURN] = 0.0
     vetting.drift = 0.0
+    forget_walk(vetting.walk)
     vetting.windows.count = 0  # turns until now were those of the other one
     forget_scale(vetting.turn_size.scale)
     vetting.turn_size.begun = 0

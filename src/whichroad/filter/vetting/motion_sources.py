@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from ..._compile import Record, kernel
+from .drift_walk import WALK
 from .latency import LATENCY, clear_latency
 from .repeats import REPEATS
 from .scales import forget_scale
@@ -158,6 +159,7 @@ VETTING = np.dtype(
         ("wheel_size", WHEEL_SIZE),  # the odometer's scale,
         ("turn_size", TURN_SIZE),  # and that of its turns
         ("turn_offset", TURN_OFFSET),  # a gyro's
+        ("walk", WALK),  # of the drift of wheels
         ("repeats", REPEATS),  # fixes that only repeat a place
         ("spin", SPIN),
         ("slip", SLIP),  # wheels that slide or spin in passing
