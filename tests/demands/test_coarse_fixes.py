@@ -58,6 +58,23 @@ def test_what_was_dropped_is_forgotten_once_fine_fixes_come_often(lag):
     assert fine.protection_level_m.median() < 40.0
 
 
+@pytest.mark.parametrize(("lag", "least"), [(None, 0.85), ("full", 0.72)])
+def test_ellipses_hold_a_vehicle_that_drives_on_by_fixes_of_two_hundred_metres(lag, least: float):
+    """Who stands is on one road, who drives may be on any of hundreds: neither gains by that."""
+    way = np.array(TURNS) * BLOCK
+    inside = []
+    for seed in range(8):
+        table = fixes(way, speed=8.0, every=5.0, sigma=200.0, seed=seed, white=True)
+        _, place = along(way, 8.0, 5.0)
+        points = whichroad.match(table, roads(), lag=lag).points
+        x, y = PLANE.from_geodetic(points.lat.to_numpy(), points.lon.to_numpy())
+        dx, dy = np.array([x, y]) - place.T
+        xx, xy, yy = points.cov_ee_m2, points.cov_en_m2, points.cov_nn_m2
+        chi2 = (dx * dx * yy - 2.0 * dx * dy * xy + dy * dy * xx) / (xx * yy - xy * xy)
+        inside.append(chi2 < 5.99)
+    assert np.mean(inside) > least
+
+
 ROUND = [
     "00",
     "02",

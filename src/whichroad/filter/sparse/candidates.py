@@ -23,6 +23,7 @@ _U_TURN = 5.0  # nats, of turning round between junctions; twice that into a one
 SPAN = 4.0  # sigmas within which roads and distances are considered
 P_ELSEWHERE = 0.1  # P that a vehicle on one of too many roads is not where it was foreseen
 LEAST_ELSEWHERE, KNOWN = 0.02, 25.0  # and at least, where that is not known to so many m
+_EXCESS = 0.15  # of the sigma of coarse fixes, by which the straight line may be longer
 _APART = 13.8  # squared sigmas from where it was foreseen, beyond which a fix counts alone
 _REACH = 100.0  # m, added to the longest route
 _LABELS = 3000  # of one search
@@ -51,6 +52,7 @@ class SparseFix(NamedTuple):
     beyond: float  # P that it is farther off than all of them
     pace: float  # speed over the usual one
     per_metre: float  # what a metre of a detour costs, nats
+    coarse: bool  # whether its sigma is that of `COARSE` at least
 
 
 class Departure(NamedTuple):
@@ -158,11 +160,13 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     sigma = math.sqrt(factor * fix[2] ** 2 + map_variance(state, par))
     white = max(state.white_factor, state.gnss_factor * ratio)
     jitter = math.sqrt(white + state.gnss_factor * (1.0 - keep * keep)) * fix[2]
+    coarse = fix[2] >= COARSE
+    excess = likely_excess(dt) + (_EXCESS * fix[2] if coarse else 0.0)
     driver = state.driver
     process = speed_process(dt, driver.speed_sigma)
     about = Disc(x, y, sigma)
     elsewhere = 0.0
-    if fix[2] >= COARSE:
+    if coarse:
         found = closest(ctx.roads, x, y, SPAN * sigma + 3.0, ctx.work.near)
         elsewhere = P_ELSEWHERE * share_beyond(found, ctx.work.near, sigma)
         about = _foreseen(belief, about, process)
@@ -175,7 +179,7 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     beyond = max(share_beyond(found, ctx.work.near, about.sigma), elsewhere)
     return SparseFix(
         fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, process, found, beyond,
-        driver.pace, 1.0 / likely_excess(dt),
+        driver.pace, 1.0 / excess, bool(coarse),
     )  # fmt: skip
 
 
@@ -195,7 +199,7 @@ def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
         process = speed_process(dt, process.sigma)
     return SparseFix(
         fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
-        process, fix.found, fix.beyond, pace, per_metre,
+        process, fix.found, fix.beyond, pace, per_metre, fix.coarse,
     )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from .candidates import KNOWN, LEAST_ELSEWHERE, P_ELSEWHERE, SPAN, SparseFix
 _KEPT = 0.5  # of what was dropped before, at the next fix,
 _LASTS = 3.0  # s, and for which it is remembered where fixes come more often
 _LEAST = 1e-5  # share of the likelihood that is not noted
+_LEAST_SHARE = 0.5  # of the likelihood, that hypotheses have which stand for all of it
 _BEFORE = 0.1  # of what was dropped later, at the fix before: most of it came from the same way
 
 
@@ -40,6 +41,16 @@ def _is_followed(belief: Belief, first: int, edge: int) -> bool:
 
 
 @kernel
+def _stand_for(belief: Belief, first: int, share: float) -> None:
+    """Let hypotheses from `first` on stand for all that drive: they are a share of them.
+
+    Who stands is on one road, and is followed.  Who drives may be on any of many.
+    """
+    for j in range(first, belief.state[0].count):
+        belief.hyp[j].log_weight -= math.log(max(share, _LEAST_SHARE))
+
+
+@kernel
 def note_dropped(belief: Belief, ctx: Context, fix: SparseFix, whole: float, first: int) -> None:
     """Note P of what is not followed: the pairs that are left, and roads that were not looked at.
 
@@ -52,7 +63,10 @@ def note_dropped(belief: Belief, ctx: Context, fix: SparseFix, whole: float, fir
     """
     search = ctx.work.search
     left = 0.0
-    if likelihood_left(search) > _LEAST * whole:
+    untaken = likelihood_left(search)
+    if fix.coarse:
+        _stand_for(belief, first, 1.0 - untaken / whole)
+    if untaken > _LEAST * whole:
         for p in range(search.run[0].pairs):
             if not _is_followed(belief, first, ctx.work.near[search.pair[p].goal].edge):
                 left += math.exp(search.pair[p].score - search.run[0].best_score) / whole

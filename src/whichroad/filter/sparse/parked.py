@@ -48,6 +48,7 @@ _ASIDE, _ASIDE_SIGMA = 22.0, 10.0  # m from the road's line, on either side
 _ALONG_SIGMA = 10.0  # m along the road
 _LEAST = math.log(1e-6)  # weight of those that stand beside a road, over the heaviest
 _STOPS, _REMAINS = 30.0, 1800.0  # s, for which vehicles stand in traffic, and else
+_BETWEEN_STOPS = 120.0  # s, between two of them
 _ELSE = 0.1  # share of the latter
 _MOST = 0.97  # P(goes on) from fix to fix at most: who leaves must not be missed,
 _PAUSE, _FORGOTTEN = 60.0, 100.0  # s; and after a pause of more than the first
@@ -81,6 +82,12 @@ def comes_to_stand(rate: float, variance: float) -> float:
     """P that a vehicle of some speed (m/s, and its variance) stands."""
     least = math.exp(-0.5 * rate * rate / (variance + _SLOW_VARIANCE))
     return least / math.sqrt(1.0 + variance / _SLOW_VARIANCE)
+
+
+@kernel
+def comes_to_stand_within(dt: float) -> float:
+    """P that a vehicle comes to stand in dt seconds, where no fix tells how fast it drives."""
+    return 1.0 - math.exp(-dt / _BETWEEN_STOPS)
 
 
 @kernel(inline=True)

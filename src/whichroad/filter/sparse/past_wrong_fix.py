@@ -126,7 +126,7 @@ def note_between(
         SparseFix(
             fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep,
             waited, speed_process(waited, fix.process.sigma), fix.found, fix.beyond, fix.pace,
-            1.0 / likely_excess(waited),
+            1.0 / likely_excess(waited), fix.coarse,
         ),
     )  # fmt: skip
     entry = int(child.path_entry)

@@ -42,6 +42,7 @@ from .off_road import exchange_off_road
 from .parked import (
     REST_VARIANCE,
     comes_to_stand,
+    comes_to_stand_within,
     goes_on_standing,
     leave_parking,
     most_parked,
@@ -61,16 +62,19 @@ _QUEUE = 6.0  # m before the junction: mean and sigma of where they stand
 
 
 @kernel(inline=True)
-def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
+def _stand(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> bool:
     """Append a child of hypothesis i that has stood all the time; the others drove.
+
+    By coarse fixes any speed is likely, and nobody stops at each of them.
 
     Returns:
         Whether there is one.
     """
     hyp = belief.hyp[i]
-    share = goes_on_standing(hyp.stood, dt)
+    share = goes_on_standing(hyp.stood, fix.dt)
     if hyp.stood == 0.0:
         share *= comes_to_stand(hyp.mu[K], hyp.cov[K, K])
+        share = min(share, comes_to_stand_within(fix.dt)) if fix.coarse else share
     if hyp.weight * share < _STANDING or belief.state[0].count >= CAPACITY:
         return False
     child = int(belief.state[0].count)
@@ -83,7 +87,7 @@ def _stand(belief: Belief, roads: Roads, i: int, dt: float) -> bool:
     decay(new.mu, new.cov, K, 0.0, 0.0, REST_VARIANCE)
     new.travel_variance = 0.0
     forget_leg(new.leg)
-    new.stood = hyp.stood + dt
+    new.stood = hyp.stood + fix.dt
     belief.state[0].count = child + 1
     return True
 
@@ -156,7 +160,7 @@ def transit(
             off_road = True
             continue
         own = fix_of(belief.hyp[i], sparse)
-        if _stand(belief, ctx.roads, i, own.dt) and belief.hyp[i].origin.waits == 2:
+        if _stand(belief, ctx.roads, i, own) and belief.hyp[i].origin.waits == 2:
             note_between(belief, path, history, ctx, i, -1, own)
             belief.hyp[state.count - 1].origin.waits = 0
     first = int(state.count)
