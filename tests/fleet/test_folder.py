@@ -20,14 +20,14 @@ BLOCK = 200.0  # m
 ROWS = 7  # streets along
 
 
-def region(columns: range) -> whichroad.RoadMap:
-    """Streets along and across, of some columns of blocks."""
+def region(columns: range, every: int = 1) -> whichroad.RoadMap:
+    """Streets along and across, of some columns of blocks; along only each so manieth."""
     import geopandas
     import shapely
 
-    k, rows = np.array(columns) * BLOCK, np.arange(ROWS) * BLOCK
+    k, rows = np.array(columns) * BLOCK, np.arange(0, ROWS, every) * BLOCK
     ends = [((a, b), (a + BLOCK, b)) for a in k[:-1] for b in rows]
-    ends += [((a, b), (a, b + BLOCK)) for a in k for b in rows[:-1]]
+    ends += [((a, b), (a, b + every * BLOCK)) for a in k[::every] for b in rows[:-1]]
     lines = []
     for line in ends:
         lat, lon = PLANE.to_geodetic(*np.array(line).T)
@@ -99,6 +99,27 @@ def test_of_two_maps_that_hold_a_trip_it_takes_that_with_more_about_it(maps):
     edge = drive("d", 500.0, 900.0, 3)  # it begins at the end of the centre
     taken = match_many(pa.concat_tables([inside, edge]), maps).drives["map"].to_pylist()
     assert taken == ["centre.map", "west.map"]
+
+
+def test_a_trip_that_ends_just_beyond_a_border_is_cut_at_it(maps):
+    """A map whose last road is 300 m away does not hold a place where another has the roads."""
+    for name, begin, end in (("over", 3000.0, 4900.0), ("into", 3750.0, 8000.0)):
+        rows = match_many(drive(name, begin, end, 3), maps).drives.to_pylist()
+        assert [row["map"] for row in rows] == ["west.map", "east.map"]
+        assert all(row["answered"] for row in rows)
+
+
+def test_a_map_without_small_streets_beside_a_full_one_still_holds_a_trip():
+    """Roads of its own lie to all sides: it does not end there."""
+    maps = RoadMaps({"all": region(range(44), 3), "town": region(range(20, 44))}, "two")
+    there, street = np.arange(1000.0, 6000.0, 12.0), np.arange(6000.0, 7000.0, 12.0)
+    x = np.concatenate([there, street, np.full(60, 7000.0)])
+    y = np.concatenate(
+        [np.full(len(there), 600.0), np.full(len(street), 860.0), np.full(60, 600.0)]
+    )
+    lat, lon = PLANE.to_geodetic(x, y)
+    (shares,) = maps.shares(lat, lon, np.array([0, len(x)]))
+    assert [maps.names[share.map] for share in shares] == ["all"]
 
 
 def test_a_single_fix_beyond_cuts_nothing(maps):

@@ -1,7 +1,8 @@
 """A folder of compiled maps, and which of them holds a trip.
 
 The outline of a map is the cells of its grid that hold a road, four by four as one.  A place is
-on a map where such a cell, or one beside it, holds a road: some 250 to 500 m.
+on a map where such a cell, or one beside it, holds a road: some 250 to 500 m.  At the edge of a
+map, where another has roads close by and this one has none, it is not.
 """
 
 import hashlib
@@ -28,6 +29,7 @@ _FINE = 2  # bits of a cell's column and row that a cell of an outline leaves ou
 _HALF = 2**31  # rows of cells count from -2³¹, as in `graph.index.cell_key`
 _CIRCLE = 1.01  # of a circle's radius, more than the sphere differs from the Earth
 _WITHIN = 4  # cells of an outline to each side, in which its roads are counted: some 1 km
+_SIDE = 3  # cells of an outline to one side, in which a map that goes on there has a road
 _TRIED = 16  # places of a trip about which they are counted
 
 
@@ -63,23 +65,43 @@ class Outline:
         column, row = self._cells(lat_deg, lon_deg)
         return self._roads_about(column, row, 1) > 0
 
+    def has_close(self, lat_deg: Array, lon_deg: Array) -> Bools:
+        """Whether a road lies within some 60 to 120 m of each of (n,) places."""
+        fine = self._roads.arrays.cell_key
+        column, row = self._cells(lat_deg, lon_deg, 0)
+        return _in_block(fine, column - 1, column + 1, row - 1, row + 1) > 0
+
+    def surrounds(self, lat_deg: Array, lon_deg: Array) -> Bools:
+        """Whether the map has roads to all four sides of each of (n,) places, within some 800 m."""
+        column, row = self._cells(lat_deg, lon_deg)
+        around: Bools = np.ones(len(lat_deg), np.bool_)
+        for low, high in ((-_SIDE, -1), (1, _SIDE)):
+            around &= _in_block(self._keys, column + low, column + high, row - 1, row + 1) > 0
+            around &= _in_block(self._keys, column - 1, column + 1, row + low, row + high) > 0
+        return around
+
     def roads_near(self, lat_deg: Array, lon_deg: Array) -> int:
         """How many cells with a road lie within a kilometre of (n,) places, all in all."""
         return int(self._roads_about(*self._cells(lat_deg, lon_deg), _WITHIN).sum())
 
-    def _cells(self, lat_deg: Array, lon_deg: Array) -> tuple[Ints, Ints]:
-        size = float(self._roads.arrays.plane.cell_size[0]) * 2.0**_FINE
+    def _cells(self, lat_deg: Array, lon_deg: Array, coarse: int = _FINE) -> tuple[Ints, Ints]:
+        size = float(self._roads.arrays.plane.cell_size[0]) * 2.0**coarse
         x, y = self._roads.plane.from_geodetic(lat_deg, lon_deg)
         column, row = (np.floor(v / size).astype(np.int64) for v in (x, y))
         return column, row
 
     def _roads_about(self, column: Ints, row: Ints, sides: int) -> Ints:
         """Cells with a road within so many columns and rows of some cells."""
-        beside = column[:, None] + np.arange(-sides, sides + 1)
-        low = np.searchsorted(self._keys, _key(beside, row[:, None] - sides))
-        high = np.searchsorted(self._keys, _key(beside, row[:, None] + sides), "right")
-        found: Ints = (high - low).sum(axis=1)
-        return found
+        return _in_block(self._keys, column - sides, column + sides, row - sides, row + sides)
+
+
+def _in_block(keys: Ints, west: Ints, east: Ints, south: Ints, north: Ints) -> Ints:
+    """How many of some keys, ascending, are of cells in each of (n,) blocks of equal width."""
+    beside = west[:, None] + np.arange(east[0] - west[0] + 1)
+    low = np.searchsorted(keys, _key(beside, south[:, None]))
+    high = np.searchsorted(keys, _key(beside, north[:, None]), "right")
+    found: Ints = (high - low).sum(axis=1)
+    return found
 
 
 def _key(column: Ints, row: Ints) -> Ints:
@@ -162,11 +184,17 @@ class RoadMaps(Mapping[str, RoadMap]):
         ])  # fmt: skip
         near = beyond <= radius
         held = np.zeros((len(self), len(lat_deg)), np.bool_)
+        close = held.copy()
         several = near.sum(axis=0) > 1
         for k, outline in enumerate(self.outlines):
             rows = np.flatnonzero(np.repeat(near[k] & several, count))
             if len(rows):
                 held[k, rows] = outline.holds(lat_deg[rows], lon_deg[rows])
+                close[k, rows] = outline.has_close(lat_deg[rows], lon_deg[rows])
+        for k, outline in enumerate(self.outlines):  # who has the roads there beside its border
+            rows = np.flatnonzero(held[k] & ~close[k] & close.any(axis=0))
+            if len(rows):
+                held[k, rows] = outline.surrounds(lat_deg[rows], lon_deg[rows])
         found = []
         for trip, (low, high) in enumerate(zip(start.tolist(), first[1:].tolist(), strict=True)):
             if several[trip] and held[:, low:high].any():
