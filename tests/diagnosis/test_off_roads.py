@@ -7,6 +7,10 @@ import pandas as pd
 import pytest
 
 import whichroad
+from whichroad.diagnosis.off_roads import off_road_findings
+from whichroad.filter.records import new_epochs
+from whichroad.filter.summary.estimate import ESTIMATE
+from whichroad.graph.network import records
 from whichroad.simulate import simulate_drive
 
 LAT, METRE = 49.4, 1.0 / 111_195.0
@@ -62,6 +66,21 @@ def test_places_that_are_moved_as_a_whole_are_named_with_the_way_back(town, shif
 def test_a_drive_that_fits_no_road_is_named_without_a_shift(town):
     (note,) = said(turned(driven(town, 3), 38.0), town)
     assert note.startswith("off roads: most of the way lies on no mapped road; is the map of this")
+
+
+@pytest.mark.parametrize(
+    ("sigma", "named"), [(3.0, True), (20.0, True), (60.0, False), (320.0, False)]
+)
+def test_places_that_are_coarse_are_not_off_the_roads(town, sigma, named):
+    """Beside the roads is where they lie: of those that were rounded to two decimals most do."""
+    frame = turned(driven(town, 4), 38.0)
+    epochs, rows = new_epochs(len(frame)), records(len(frame), ESTIMATE)
+    epochs["time"], epochs["has_fix"], epochs["fix"][:, 2] = frame.time, 1, sigma
+    epochs["fix"][:, 0], epochs["fix"][:, 1] = town.plane.from_geodetic(
+        frame.lat.to_numpy(), frame.lon.to_numpy()
+    )
+    rows["p_off_road"] = 0.9
+    assert bool(off_road_findings(epochs, rows, [0, len(frame)], town.arrays)) == named
 
 
 @pytest.mark.parametrize("seed", range(8))

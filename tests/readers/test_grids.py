@@ -2,11 +2,17 @@
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 from whichroad.geodesy.units import METRES_PER_DEGREE
 from whichroad.observations import ROUNDED
 from whichroad.readers import drive_from_table
+from whichroad.readers.many_trips import trip_batches
+from whichroad.readers.reading import Reading
+from whichroad.readers.regular_trips import batched_fixes
+from whichroad.readers.trip_units import with_units
+from whichroad.settings import Settings
 
 LAT, LON = 180.0 / 2**20, 360.0 / 2**20  # degrees of a cell of a geohash of 8 letters
 GRIDS = {
@@ -86,3 +92,52 @@ def test_who_drives_straight_on_at_one_speed_is_on_no_grid(turned):
     frame["lat"] += 3e-8 * np.sin(k)
     (drive,) = drive_from_table(frame)
     assert not (drive.fixes.flags & ROUNDED).any()
+
+
+FEW = {
+    "geohash of 6": (lambda x, k: (np.floor(x / (k * 45 / 2**13)) + 0.5) * (k * 45 / 2**13), 610.8),
+    "2 decimals": (lambda x, _: x.round(2), 1112.0),
+    "3 decimals": (lambda x, _: x.round(3), 111.2),
+    "tenths of minutes": (lambda x, _: np.round(600.0 * x) / 600.0, 185.3),
+}
+
+
+@pytest.mark.parametrize("kind", FEW)
+def test_six_places_tell_decimals_and_grids_that_are_known(kind, sound):
+    to_lines, step = FEW[kind]
+    frame = driven(4, 3000)[::500].reset_index(drop=True)
+    for name, cells in (("lat", 1), ("lon", 2)):
+        frame[name] = to_lines(frame[name].to_numpy(), cells)
+    assert len(frame[["lat", "lon"]].drop_duplicates()) in range(4, 7)
+    (drive,) = drive_from_table(frame)
+    sound(drive)
+    assert (drive.fixes.flags & ROUNDED).all()
+    assert drive.fixes.cov_nn == pytest.approx(9.0 + step**2 / 12.0, rel=0.01)
+    assert any(f"{step:.3g} m" in note for note in drive.notes)
+
+
+@pytest.mark.parametrize("kind", [*FEW, "steps of 0.0017171 degrees"])
+def test_the_first_trips_of_a_table_tell_the_grid_of_a_parked_one(kind):
+    to_lines, step = FEW.get(kind, (lambda x, _: 0.0017171 * np.round(x / 0.0017171) + 4e-7, 190.9))
+    frame = driven(5, 20_000)
+    frame["trip_id"] = [f"t{k // 200}" for k in range(len(frame))]
+    for name, cells in (("lat", 1), ("lon", 2)):
+        frame[name] = to_lines(frame[name].to_numpy(), cells)
+    parked = frame.iloc[[-1] * 40].assign(trip_id="parked", time=1.79e9 + np.arange(40))
+    full = driven(6, 200).assign(trip_id="full")
+    table = pd.concat([frame, parked, full], ignore_index=True)
+    for batches in (table, [pa.Table.from_pandas(table)]):
+        read = {}
+        for batch in with_units(trip_batches(batches, "trip_id"), Reading()):
+            first = np.array(batch.first[:-1])
+            found = batched_fixes(batch.table, first, Settings(), units=batch.units)
+            begin = np.cumsum([0, *np.where(found.regular, np.diff(batch.first), 0)])
+            for k in np.flatnonzero(found.regular).tolist():
+                notes = [n for n in found.notes.get(k, ()) if "coordinates are" in n]
+                read[batch.names[k]] = (found.fixes.cov_nn[begin[k]], notes)
+        assert read["parked"][0] == pytest.approx(9.0 + step**2 / 12.0, rel=0.01)
+        assert len(read["parked"][1]) == 1
+        assert read["full"] == (9.0, [])
+    drives = {drive.drive_id: drive for drive in drive_from_table(table)}
+    assert drives["parked"].fixes.cov_nn[0] == read["parked"][0]
+    assert drives["full"].fixes.cov_nn[0] == 9.0

@@ -14,7 +14,7 @@ _CELLS, _SPREAD = 50.0, 0.4  # m, of cells, and of places: who works a field mee
 _BOX = 2500.0  # m from the middle of these, within which roads are drawn
 _FARTHEST = 700.0  # m, the largest shift
 _CELL = 10.0  # m, of the drawing
-_CAP = 50.0  # m, beyond which a place is far from every road
+CAP = 50.0  # m, beyond which a place is far from every road
 _FITS = 10.0  # m from the roads on average, that moved places are at most,
 _BETTER, _UNIQUE = 2.5, 1.4  # and how much farther without a shift, and by one elsewhere
 _ELSEWHERE = 60.0  # m from the best shift
@@ -73,7 +73,7 @@ def fit_to_roads(x: Array, y: Array, roads: Roads) -> Fit | None:
 
 def _away(drawn: NDArray[np.bool_]) -> Array:
     """How far each cell is from those that are drawn, m, at most 50."""
-    most = round(_CAP / _CELL)
+    most = round(CAP / _CELL)
     square = np.where(drawn, 0.0, most**2)
     for table in (square, square.T):  # along rows, then along columns
         before = table.copy()

@@ -7,7 +7,7 @@ import numpy as np
 from .._compile import Records
 from ..graph.network import Roads
 from ..observations import Array
-from .common_shift import fit_to_roads
+from .common_shift import CAP, fit_to_roads
 from .finding import Finding
 
 _LOOKED_AT = 0.03  # mean P off the roads, from which on a drive is looked at
@@ -72,7 +72,9 @@ def _of_drive(epochs: Records, off: Array, roads: Roads) -> Finding | None:
         return None
     fit = fit_to_roads(x, y, roads)
     shift = None if fit is None else fit.shift
-    if fit is not None and fit.away < _AWAY:
+    away = CAP if fit is None else fit.away
+    sigma = float(np.median(epochs["fix"][at, 2]))  # places that are so coarse lie beside roads
+    if away < _AWAY or (shift is None and away < sigma):
         return None
     if shift is None and slow and fast < _BICYCLE_FAST and share > _BICYCLE_OFF:
         return _no_motor("a bicycle", fast, _BICYCLE_FAST)

@@ -19,6 +19,7 @@ from ..sensors.gyro_turns import covers
 from ..sensors.validation import FASTEST, SPINNING
 from ..settings import Settings, Vehicle
 from .checks import NO_POSITION, Skipped, in_order, keep
+from .known_grids import Lattice
 from .reported_fixes import NO_ACCURACY, RADIUS_68, Reported, from_ellipse, make_fixes
 from .vehicle import ROLES
 from .wheel_counters import Reversing, held, wheel_counts, wheel_speeds
@@ -39,7 +40,10 @@ _TOO_FAST = f"speed beyond {FASTEST:g} m/s"
 _TOO_TURNING = f"yaw rate beyond {SPINNING:g} rad/s"
 
 
-def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Skipped) -> Drive:
+def drive_of(
+    columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Skipped,
+    grid: Lattice | None = None,
+) -> Drive:  # fmt: skip
     """The drive, without name, that these columns describe.
 
     Speed is odometry where a yaw rate stands beside it, where there is no position, or where most
@@ -50,6 +54,7 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
         vehicle: Gives the scale and width of wheel counters.
         settings: Gives the sigma of fixes that report none.
         skipped: Where to count.
+        grid: On which the places of its table are.
     """
     notes: list[str] = []
     has_position = {"lat", "lon"} <= columns.keys()
@@ -71,7 +76,7 @@ def drive_of(columns: Columns, vehicle: Vehicle, settings: Settings, skipped: Sk
             own.pop("speed")
         elif "bearing" in own and "speed" not in own:
             notes.append("bearings not used: without a speed it is unknown whether they are valid")
-        fixes = make_fixes(reported(own, skipped), settings, skipped)
+        fixes = make_fixes(reported(own, skipped), settings, skipped, grid)
     geared = odometry is not None and "reverse" in has
     return Drive("", fixes, odometry, notes=tuple(notes), gyro=gyro, geared=geared)
 

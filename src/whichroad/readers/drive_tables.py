@@ -166,7 +166,7 @@ def drives_of(
     for name, rows in trips:
         part = {quantity: values[rows] for quantity, values in columns.items()}
         here: Skipped = skipped if not drives else Counter()
-        drive = drive_of(part, reading.vehicle, reading.settings, here)
+        drive = drive_of(part, reading.vehicle, reading.settings, here, units.grid)
         apart = (one[name] for one in said if name in one)
         told = (*notes, *units.notes_on(part), *apart, *drive.notes)
         sensed = sensed_by(part)

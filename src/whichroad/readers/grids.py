@@ -16,7 +16,7 @@ _PLACES = 10  # and at crossings of lines
 _EXACT = 5e-8  # degrees, up to which a place is on a line
 _SINGLE = 8e-8  # of a number: the error of one of single precision, and of a fit
 _WRITTEN = 0.7  # of the last decimal: the error of a number that was written with few, and of a fit
-_COARSE = 10.0  # such errors that a step has at least
+COARSE = 10.0  # such errors that a step has at least
 _ASKED = 32  # gaps between lines that tell the step
 _DIGITS = 1e-4  # of the last decimal, up to which a number has no further ones
 _TURNS = 0.2  # of the moves, from which on differ from the one before: else it is one speed
@@ -45,7 +45,7 @@ def grid_of(lat: Array, lon: Array, first: Ints) -> Grid:
         coarse &= np.minimum.reduceat(moved[-1], first) > _LEAST - 2.0 * _EXACT
         if not coarse.any():  # as of nearly all tables of a fix a second
             return found
-    errors = [_errors(column, first) for column in (lat, lon)]
+    errors = [errors_of(column, first) for column in (lat, lon)]
     end = np.append(first[1:], len(lat))
     for drive in np.flatnonzero(coarse).tolist():
         own = slice(first[drive], end[drive])
@@ -74,8 +74,8 @@ def _first_of(steps: Array) -> Array:
     return known if len(known) else np.zeros(1)
 
 
-def _errors(degrees: Array, first: Ints) -> Array:
-    """How far the numbers of each drive may be off their lines, by the way they are written."""
+def errors_of(degrees: Array, first: Ints) -> Array:
+    """By how much the numbers of each drive may be off their lines, as they are written."""
     size = np.abs(degrees)
     single = np.logical_and.reduceat(degrees == degrees.astype(np.float32), first)
     errors = np.where(single, _SINGLE * np.maximum.reduceat(size, first), 0.0)
@@ -117,7 +117,7 @@ def _common(gaps: Array, error: float) -> float:
         gaps: (n,) degrees.
         error: Of the ends of each.
     """
-    least = 0.95 * max(_LEAST, _COARSE * error)
+    least = 0.95 * max(_LEAST, COARSE * error)
     step, off = float(gaps[0]), 2.0 * error  # and how far it may be off
     for gap in gaps[1:].tolist():
         rest, of_rest = gap, 2.0 * error

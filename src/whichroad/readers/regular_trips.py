@@ -116,7 +116,7 @@ def batched_fixes(
         rows = np.repeat(regular, size)
         columns = {quantity: values[rows] for quantity, values in columns.items()}
     begin = np.cumsum([0, *size[regular]])
-    fixes = completed(reported(columns, skipped), begin[:-1], settings, skipped)
+    fixes = completed(reported(columns, skipped), begin[:-1], settings, skipped, units.grid)
     if skipped:
         return None
     if (fixes.flags & (ROUNDED | RESAMPLED | COARSE)).any():

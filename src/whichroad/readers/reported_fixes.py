@@ -36,6 +36,7 @@ from .checks import Bools, Ints, Skipped, in_order, is_place, keep
 from .coarse_steps import coarse_steps
 from .fix_quality import LEAST_SIGMA, NO_FIX, RECKONED, error_ratios
 from .interpolated_places import interpolated
+from .known_grids import Lattice
 from .late_places import Places
 from .late_speeds import Columns, in_time
 from .other_units import other_units
@@ -127,7 +128,9 @@ def from_gst(
     return ee, np.where(good, en, np.nan), nn, good & ~credible
 
 
-def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixes:
+def make_fixes(
+    reported: Reported, settings: Settings, skipped: Skipped, grid: Lattice | None = None
+) -> Fixes:
     """Check, order and complete what a log reported.
 
     Impossible places and places without a fix are skipped, as are those whose error is beyond
@@ -139,6 +142,7 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
         reported: The rows that carry a position.
         settings: Gives `default_sigma_m` and `user_range_error_m`.
         skipped: Where to count.
+        grid: That of the table of which this is a drive.
     """
     lat, lon = reported.lat_deg, reported.lon_deg
     possible = np.isfinite(reported.time) & is_place(lat, lon)
@@ -147,12 +151,14 @@ def make_fixes(reported: Reported, settings: Settings, skipped: Skipped) -> Fixe
         r = r.rows(np.flatnonzero(keep(r.quality != NO_FIX, WITHOUT_FIX, skipped)))
     r = r.rows(np.flatnonzero(keep(~is_vague(r), TOO_VAGUE, skipped)))
     r = r.rows(in_order(r.time, skipped))
-    fixes = completed(r, np.zeros(min(len(r.time), 1), np.int64), settings, skipped)
+    fixes = completed(r, np.zeros(min(len(r.time), 1), np.int64), settings, skipped, grid)
     fixes.flags[strays(fixes.time, fixes.lat_deg, fixes.lon_deg)] |= STRAY
     return fixes
 
 
-def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) -> Fixes:
+def completed(
+    r: Reported, first: Ints, settings: Settings, skipped: Skipped, grid: Lattice | None = None
+) -> Fixes:
     """Fixes with covariances, speeds and courses of rows that `make_fixes` has checked.
 
     Args:
@@ -160,9 +166,10 @@ def completed(r: Reported, first: Ints, settings: Settings, skipped: Skipped) ->
         first: Where each of them begins.
         settings: As of `make_fixes`.
         skipped: Likewise.
+        grid: Likewise.
     """
     cov_ee, cov_en, cov_nn, flags = _covariance(r, settings, skipped)
-    lat, rounded = r.lat_deg, rounding(r.lat_deg, r.lon_deg, first)
+    lat, rounded = r.lat_deg, rounding(r.lat_deg, r.lon_deg, first, grid)
     if rounded is not None:
         lat, cov_ee, cov_nn = lat + rounded.lat_deg, cov_ee + rounded.ee, cov_nn + rounded.nn
         flags |= np.where(rounded.nn > 0.0, ROUNDED, 0).astype(np.uint16)

@@ -12,9 +12,11 @@ from ..geodesy.units import METRES_PER_DEGREE
 from ..observations import ROUNDED, Array, Fixes
 from .checks import Bools, Ints
 from .grids import Grid, grid_of
+from .known_grids import FEW, Lattice, grid_of_table, known_grid
 
 _FULL = 5  # decimals, from which on nothing is done
 _FEWEST = 10  # places of a drive, so that it is no chance
+_COARSE = 3  # decimals up to which `FEW` places are no chance either
 _EXACT = 5e-8  # degrees, up to which a place is at a step
 _SINGLE = 6.1e-8  # of a number: the error of one of single precision
 _SHARE = 1.0 / 12.0  # of a step's square: a larger one, for numbers cut off, makes levels worse
@@ -32,11 +34,12 @@ def decimals_of(lat: Array, lon: Array, first: Ints) -> Ints:
     found = np.full(len(first), _FULL)
     if not _are_steps(lat[first], lon[first], _FULL - 1).any():  # as of nearly all tables
         return found
-    enough = _places(lat, lon, first) >= _FEWEST
-    for column in (lat, lon):  # one that is always the same tells nothing
-        enough &= np.maximum.reduceat(column, first) > np.minimum.reduceat(column, first)
+    places = _places(lat, lon, first)
+    spans = [np.maximum.reduceat(c, first) - np.minimum.reduceat(c, first) for c in (lat, lon)]
     for decimals in reversed(range(_FULL)):
-        found[enough & np.logical_and.reduceat(_are_steps(lat, lon, decimals), first)] = decimals
+        moved = np.minimum(*spans) > 0.5 * 10.0**-decimals  # what is always the same tells nothing
+        some = moved & (places >= (FEW if decimals <= _COARSE else _FEWEST))
+        found[some & np.logical_and.reduceat(_are_steps(lat, lon, decimals), first)] = decimals
     return found
 
 
@@ -68,13 +71,39 @@ def _changes(*columns: Array | Ints) -> Bools:
     return new
 
 
-def _steps(lat: Array, lon: Array, first: Ints) -> Grid:
+def _steps(lat: Array, lon: Array, first: Ints, table: Lattice | None = None) -> Grid:
     """Degrees from line to line of the places of each drive, by their decimals or else a grid."""
     decimals = decimals_of(lat, lon, first)
-    rounded = np.where(decimals < _FULL, 10.0**-decimals, 0.0)
-    if (rounded > 0.0).all():
-        return Grid(rounded, rounded)
-    return Grid(*(np.where(rounded > 0.0, rounded, step) for step in grid_of(lat, lon, first)))
+    found = np.where(decimals < _FULL, 10.0**-decimals, 0.0)
+    if (found > 0.0).all():
+        return Grid(found, found)
+    grid = _or(Grid(found, found), grid_of(lat, lon, first))
+    grid = _or(grid, known_grid(lat, lon, first))
+    return grid if table is None else _or(grid, grid_of_table(table, lat, lon, first))
+
+
+def _or(grid: Grid, other: Grid) -> Grid:
+    """A grid, and another for the drives that are not on it."""
+    found = grid.lat > 0.0
+    return Grid(*(np.where(found, one, two) for one, two in zip(grid, other, strict=True)))
+
+
+def lattice_of(lat: Array, lon: Array) -> Lattice | None:
+    """The lines on which the places of many drives together are; None: they are on none.
+
+    Args:
+        lat: (n,) degrees, n > 0.
+        lon: (n,) degrees.
+    """
+    first = np.zeros(1, np.int64)
+    if decimals_of(lat, lon, first)[0] < _FULL:
+        step = 10.0 ** -int(decimals_of(lat, lon, first)[0])
+        return Lattice(step, step)
+    steps = _steps(lat, lon, first)
+    if steps.lat[0] == 0.0:
+        return None
+    spans = (float(np.ptp(column)) for column in (lat, lon))
+    return Lattice(float(steps.lat[0]), float(steps.lon[0]), float(lat[0]), float(lon[0]), *spans)
 
 
 class Rounding(NamedTuple):
@@ -85,7 +114,7 @@ class Rounding(NamedTuple):
     nn: Array
 
 
-def rounding(lat: Array, lon: Array, first: Ints) -> Rounding | None:
+def rounding(lat: Array, lon: Array, first: Ints, table: Lattice | None = None) -> Rounding | None:
     """What the rounding of the places of drives adds to them; None: they are not rounded.
 
     Its error is uniform over a step.  A place that is that of the fix before it again is moved by
@@ -95,8 +124,9 @@ def rounding(lat: Array, lon: Array, first: Ints) -> Rounding | None:
         lat: (n,) degrees, drive after drive.
         lon: (n,) degrees.
         first: (d,) where each drive begins.
+        table: The grid of the table of which these are drives: few places show none.
     """
-    steps = _steps(lat, lon, first)
+    steps = _steps(lat, lon, first, table)
     if not (steps.lat > 0.0).any():
         return None
     drive = np.repeat(np.arange(len(first)), np.diff(first, append=len(lat)))
@@ -118,6 +148,11 @@ def rounding_notes(fixes: Fixes | None, first: int = 0, end: int | None = None) 
     )
     lat, lon, only = lat[new], lon[new], np.zeros(1, np.int64)
     decimals, steps = int(decimals_of(lat, lon, only)[0]), _steps(lat, lon, only)
+    if steps.lat[0] == 0.0:
+        return (
+            "coordinates are rounded or on a grid, as those of the first drives of the table: the "
+            "error of that was added to the sigmas of the fixes; give all decimals",
+        )
     north, east = (METRES_PER_DEGREE * float(step[0]) for step in (steps.lat, steps.lon))
     what = f"rounded to {decimals} decimals, steps of {north:.3g} m"
     if decimals == _FULL:

@@ -15,11 +15,13 @@ from ..geodesy.angles import DEGREE
 from ..observations import Array
 from . import units_by_places as fit
 from .arrow_columns import Times
-from .checks import LAST
+from .checks import LAST, is_place
 from .dates import DAY, EARLIEST, from_serial
 from .drive_columns import Columns
+from .known_grids import Lattice
 from .mixed_rows import REFUSED, alternating, said_of
 from .names import Column
+from .rounded_places import lattice_of
 from .table_drives import Trip
 
 MOST = 50  # drives of a table that are asked for its units
@@ -36,6 +38,7 @@ class Units(NamedTuple):
     factors: Mapping[str, float] = {}  # to SI, by quantity; NaN: not used
     notes: tuple[str, ...] = ()  # on what was decided
     unsure: Mapping[str, str] = {}  # quantity -> note on drives that move
+    grid: Lattice | None = None  # on which the places of the first drives are
 
     def in_si(self, columns: Columns) -> None:
         """Bring columns, in the units of their names, to SI in place."""
@@ -158,7 +161,7 @@ def _tracks(time: Array, columns: Columns, trips: Sequence[Trip]) -> list[fit.Tr
 
 
 def units_of(columns: Columns, found: Mapping[str, Column], trips: Sequence[Trip]) -> Units:
-    """The units of columns whose names say none, by what the places and physics allow.
+    """The units of columns whose names say none, by what the places and physics allow; their grid.
 
     Args:
         columns: In the units of their names, with times.
@@ -185,7 +188,17 @@ def units_of(columns: Columns, found: Mapping[str, Column], trips: Sequence[Trip
                 asked.odometer(windows)
     if "yaw_rate" in columns:
         asked.yaw_rate("yaw_rate" in bare)
-    return Units(asked.factors, tuple(asked.notes), asked.unsure)
+    return Units(asked.factors, tuple(asked.notes), asked.unsure, _grid(columns, few))
+
+
+def _grid(columns: Columns, trips: Sequence[Trip]) -> Lattice | None:
+    """The grid on which the places of several drives are."""
+    if len(trips) < 2 or not {"lat", "lon"} <= columns.keys():
+        return None
+    rows = np.concatenate([trip.rows for trip in trips])
+    lat, lon = columns["lat"][rows], columns["lon"][rows]
+    known = is_place(lat, lon)
+    return lattice_of(lat[known], lon[known]) if known.any() else None
 
 
 class _Asked:

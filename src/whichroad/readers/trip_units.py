@@ -1,7 +1,7 @@
-"""The units of columns that name none, told by the first trips of a stream for all of it."""
+"""Units that no column names, and the grid of places, told by the first trips of a stream."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from itertools import chain, groupby
+from itertools import chain, groupby, islice
 
 from .drive_tables import units_in
 from .many_trips import TripBatch, joined_rows
@@ -19,11 +19,12 @@ def with_units(
     """The batches, each with the units of its columns.
 
     Args:
-        batches: Of whole trips; the first are held until they have the trips that tell.
+        batches: Of whole trips; the first are held until they have the trips that tell.  Where
+            all units are known the first batch alone tells the grid of the places.
         reading: What the caller says of the table.
         given: What is known before.
     """
-    known = {(): Units(), **given}
+    known = dict(given)
 
     def names(batch: TripBatch) -> tuple[str, ...]:
         return open_columns(find(batch.table.column_names, reading.columns))
@@ -38,7 +39,7 @@ def _of_one_table(
     known: dict[tuple[str, ...], Units],
     reading: Reading,
 ) -> Iterator[TripBatch]:
-    first = [] if key in known else _first(batches)
+    first = [] if key in known else _first(batches) if key else list(islice(batches, 1))
     if first:
         known[key] = _units(first, reading)
     for batch in chain(first, batches):
