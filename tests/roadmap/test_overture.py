@@ -1,7 +1,11 @@
 """Overture's segments: every rule on its range, transitions, and the same city from two sources."""
 
+import json
+
 import numpy as np
+import pandas as pd
 import pytest
+import shapely
 from benchmarks.overture import compare
 from benchmarks.overture_segments import segment, table, write
 
@@ -203,6 +207,45 @@ def test_a_saved_map_and_a_frame_say_the_same(tmp_path):
     for other in (RoadMap.open(tmp_path / "a.map"), frame):
         assert other.info() == roads.info()
         assert other.column("source_id") == roads.column("source_id")
+
+
+@pytest.mark.parametrize("kind", ["geojson", "geojsonl", "gpkg", "gpkg in metres", "text.parquet"])
+def test_other_files_than_parquet_say_the_same(kind, tmp_path):
+    """As the downloader writes them, and as GDAL and geopandas save them again: lists are text."""
+    geopandas = pytest.importorskip("geopandas")
+    rows = [line("s", (0, 0), (1000, 0), [("a", 0.0), ("b", 1.0)], **RANGES), *CROSS]
+    rows[1] = rows[1] | {
+        "prohibited_transitions": [
+            {"sequence": [{"connector_id": "m", "segment_id": "ns"}], "final_heading": "forward"}
+        ]
+    }
+    roads = RoadMap.from_edges(table(rows))
+    features = []
+    for row in table(rows).to_pylist():
+        shape = json.loads(shapely.to_geojson(shapely.from_wkb(row.pop("geometry"))))
+        told = {name: cell for name, cell in row.items() if cell is not None}
+        features.append({"type": "Feature", "geometry": shape, "properties": told})
+    path = tmp_path / f"segments.{'geojsonl' if kind == 'geojsonl' else 'geojson'}"
+    whole = json.dumps({"type": "FeatureCollection", "features": features})
+    path.write_text("\n".join(map(json.dumps, features)) if kind == "geojsonl" else whole)
+    if kind.startswith(("gpkg", "text")):
+        frame = geopandas.read_file(path)
+        lists = [name for name in frame.columns if frame[name].dtype == object]
+        for name in {*lists} - {"geometry"}:
+            frame[name] = [
+                c if c is None or isinstance(c, str) else json.dumps(c) for c in frame[name]
+            ]
+        frame = frame.to_crs(32632) if "metres" in kind else frame
+        path = tmp_path / f"segments.{kind.split()[0]}"
+        frame.to_parquet(path) if "text" in kind else frame.to_file(path, driver="GPKG")
+    other = open_map(path)
+    assert other.info()["skipped"] == {}
+    same = ("nodes", "edges", "legal_edges", "highway")
+    assert {k: other.info()[k] for k in same} == {k: roads.info()[k] for k in same}
+    assert banned(other) == banned(roads) == {("west", "north")}
+    columns = ["source_id", "name", "speed_limit_kmh", "layer", "bridge", "oneway", "width"]
+    ours, theirs = (one.edges_table()[columns] for one in (roads, other))
+    pd.testing.assert_frame_equal(ours, theirs)
 
 
 @pytest.mark.data

@@ -12,8 +12,9 @@ from .store import is_compiled
 from .sumo import is_net
 
 # what is not among these, and no extract, is a compiled map, whatever it is called
-_TABLES = (".geojson", ".json", ".csv", ".csv.gz", ".tsv", ".parquet", ".geoparquet", ".gpkg",
-           ".graphml", ".shp", ".fgb", ".gml", ".zip", ".net.xml")  # fmt: skip
+_TABLES = (".geojson", ".geojsonl", ".geojsonseq", ".json", ".csv", ".csv.gz", ".tsv",
+           ".parquet", ".geoparquet", ".gpkg", ".graphml", ".shp", ".fgb",
+           ".gml", ".zip", ".net.xml")  # fmt: skip
 _DRIVES = (".gpx", ".nmea", ".nma", ".pos", ".log", ".asc", ".blf", ".trc", ".mf4", ".dbc")
 
 

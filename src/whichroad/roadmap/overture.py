@@ -5,7 +5,7 @@ have the segment's GERS id.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,65 +17,20 @@ from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array
 from ..wording import by_reason
 from . import tags as meaning
+from .overture_rows import rows_of
 from .overture_rules import Rules, items, parts_between
+from .sheet import Sheet
 from .streets import Column, Restriction, Streets, Texts, attributes
 
-NEEDED = frozenset(("id", "geometry", "connectors"))
-_COLUMNS = (
-    "id", "geometry", "subtype", "class", "subclass", "subclass_rules", "names", "connectors",
-    "routes", "road_flags", "speed_limits", "access_restrictions", "level_rules", "width_rules",
-    "prohibited_transitions",
-)  # fmt: skip
 _SNAP = 0.5  # m, within which a connector or an end of a range is at a vertex
 _HEADINGS = {"forward": 1, "backward": 0}
-_BATCH = 1 << 14  # segments read at once
-
-
-def is_overture(table: Any) -> bool:
-    """Whether a file, a frame or an Arrow table holds Overture's segments."""
-    return _names(table) >= NEEDED
-
-
-def _names(table: Any) -> set[str]:
-    import pyarrow as pa
-
-    if isinstance(table, str | Path):
-        name = str(table).lower()
-        if not name.endswith((".parquet", ".geoparquet", ".pq")) or not Path(table).is_file():
-            return set()
-        import pyarrow.parquet
-
-        try:
-            return set(pyarrow.parquet.read_schema(table).names)
-        except (pa.ArrowException, OSError, ValueError):
-            return set()  # the reader of tables says what is wrong
-    return set(map(str, getattr(table, "column_names", getattr(table, "columns", ()))))
-
-
-def _rows(table: Any) -> Iterator[Mapping[str, Any]]:
-    """The segments, cell by cell, geometries as WKB."""
-    import pyarrow as pa
-    import pyarrow.parquet
-
-    if isinstance(table, str | Path):
-        with pyarrow.parquet.ParquetFile(table) as file:
-            names = [name for name in _COLUMNS if name in file.schema_arrow.names]
-            for batch in file.iter_batches(_BATCH, columns=names):
-                yield from batch.to_pylist()
-    elif isinstance(table, pa.Table):
-        names = [name for name in _COLUMNS if name in table.column_names]
-        for batch in table.select(names).to_batches(_BATCH):
-            yield from batch.to_pylist()
-    else:
-        names = [name for name in _COLUMNS if name in table.columns]
-        yield from table[names].to_dict("records")
 
 
 def read_overture(table: Any) -> tuple[Streets, str]:
     """Streets of Overture's segments.
 
     Args:
-        table: The path of a GeoParquet file, an Arrow table, or a frame with their columns.
+        table: As `overture_rows.segments_in` gives it.
 
     Returns:
         The streets, and what to call the table.
@@ -87,15 +42,16 @@ def read_overture(table: Any) -> tuple[Streets, str]:
     from shapely.errors import ShapelyError
 
     where = str(table) if isinstance(table, str | Path) else "Overture's segments"
+    where = table.where if isinstance(table, Sheet) else where
     found = _Segments()
     try:
-        for row in _rows(table):
+        for row in rows_of(table):
             found.add(row)
     except (pa.ArrowException, ShapelyError, OSError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise MapError(
-            f"{where}: {reason}; GeoParquet of Overture's theme transportation, type segment, was "
-            "expected; fetch it again"
+            f"{where}: {reason}; GeoParquet or GeoJSON of Overture's theme transportation, type "
+            "segment, was expected; fetch it again"
         ) from error
     if not found.first[1:]:
         reasons = by_reason(found.skipped) or "no row"
@@ -304,6 +260,8 @@ def _line(geometry: Any) -> Array | None:
     import shapely
 
     shape = shapely.from_wkb(geometry) if isinstance(geometry, bytes) else geometry
+    if shape is not None and shape.geom_type == "MultiLineString" and len(shape.geoms) == 1:
+        shape = shape.geoms[0]  # as a GeoPackage has them
     if shape is None or shape.geom_type != "LineString" or shape.is_empty:
         return None
     xy = shapely.get_coordinates(shape)

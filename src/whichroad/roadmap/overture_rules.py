@@ -4,6 +4,7 @@ A rule holds on the share `between` of the segment, everywhere without it.  Rule
 taken in their order, the later one decides.
 """
 
+import ast
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -23,16 +24,30 @@ _OPENED = frozenset(("as_customer", "at_destination", "to_deliver", "to_farm", "
                      "as_permitted", "as_employee", "as_student"))  # fmt: skip
 
 
+def _decoded(cell: Any) -> Any:
+    """A cell, or what its text says: of JSON, or as Python writes lists and records."""
+    if not isinstance(cell, str):
+        return cell
+    for read in (json.loads, ast.literal_eval):
+        try:
+            return read(cell)
+        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+            continue
+    return None
+
+
 def items(cell: Any) -> list[dict[str, Any]]:
     """The records of a cell: a list of them, the text of one, or none."""
-    if isinstance(cell, str):
-        try:
-            cell = json.loads(cell)
-        except ValueError:
-            return []
+    cell = _decoded(cell)
     if isinstance(cell, list | tuple | np.ndarray):
         return [one for one in cell if isinstance(one, dict)]
     return []
+
+
+def _record(cell: Any) -> dict[str, Any]:
+    """A cell that is a record, or the text of one; empty: it is none."""
+    cell = _decoded(cell)
+    return cell if isinstance(cell, dict) else {}
 
 
 def _words(cell: Any) -> list[str]:
@@ -79,8 +94,7 @@ class Rules:
     def __init__(self, row: Mapping[str, Any], skipped: Counter[str]) -> None:
         self._skipped = skipped
         self._by: dict[str, list[tuple[float, float, dict[str, Any]]]] = {}
-        names = row.get("names")
-        names = names if isinstance(names, dict) else {}
+        names = _record(row.get("names"))
         self._name = str(names.get("primary") or "")
         self._subclass = str(row.get("subclass") or "")
         cells = {what: items(row.get(what)) for what in _RULES}

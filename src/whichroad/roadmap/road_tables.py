@@ -14,7 +14,6 @@ from ..observations import Array
 from . import tags as meaning
 from .lines import Lines, read_lines
 from .link import Links, link, middle_plane
-from .open_table import open_sheet
 from .sheet import Sheet, plain
 from .streets import Column, Streets, Texts, attributes, take
 from .tag_column import NAMES as TAGS
@@ -76,11 +75,11 @@ def _one_ring(name: str) -> bool:
     return meaning.roundabout({"junction": name}) or name in {"true", "1", "yes", "t"}
 
 
-def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, str]:
+def read_edges(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, str]:
     """Streets of a table of roads.
 
     Args:
-        table: GeoDataFrame, Arrow table, or path.
+        sheet: The open table.
         crs: Coordinate system where the table does not name it.
         directed: Whether a row is one direction only; None: found out.
 
@@ -90,7 +89,6 @@ def read_edges(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
     Raises:
         MapError: No geometry was found, or its coordinate system is unknown.
     """
-    sheet = open_sheet(table)
     streets, skipped = streets_of(sheet, crs, directed)
     return replace(streets, skipped=dict(skipped)), sheet.where
 

@@ -91,16 +91,9 @@ class RoadMap(EdgeGeometry):
         Raises:
             MapError: No geometry was found, or its coordinate system is unknown.
         """
-        from .overture import is_overture, read_overture
-        from .road_tables import read_edges
-        from .sumo import is_net, read_net
+        from .read_roads import read_roads
 
-        if is_overture(table):
-            return cls._compiled(*read_overture(table))
-        if is_net(table):
-            return cls._compiled(*read_net(Path(table), crs))
-        streets, where = read_edges(table, crs, directed)
-        return cls._compiled(streets, where)
+        return cls._compiled(*read_roads(table, crs, directed))
 
     @classmethod
     def _compiled(cls, streets: Streets, where: str, date: str | None = None) -> "RoadMap":
