@@ -576,3 +576,60 @@ def test_the_lines_of_a_collection_are_read_and_what_is_beside_them_is_counted_a
         "points and areas beside the lines of a row": 1,
         "geometries that are not lines": 1,
     }
+
+
+@pytest.mark.parametrize(("name", "along", "against", "both"), [
+    ("RIJRICHTNG", "H", "T", "B"),
+    ("sens_de_circulation", "Sens direct", "Sens inverse", "Double sens"),
+    ("directionality", "inDirection", "inOppositeDirection", "bothDirections"),
+    ("Directionality", "in direction", "in opposite direction", "both directions"),
+    ("AJOSUUNTA", 4, 3, 2),
+    ("TRAVEL_DIR", "F", "T", "B"),
+])  # fmt: skip
+def test_one_way_columns_of_national_providers_are_read(line, name, along, against, both):
+    lines = [line((0, 60 * k), (100, 60 * k)) for k in range(4)]
+    table = geopandas.GeoDataFrame({name: [along, against, both, None]}, geometry=lines, crs=4326)
+    table["id"] = range(4)
+    roads = RoadMap.from_edges(table)
+    legal = [(rule(roads, k, True) == 0, rule(roads, k, False) == 0) for k in range(4)]
+    assert legal == [(True, False), (False, True), (True, True), (True, True)]
+    assert roads.info()["skipped"] == {}
+    table.loc[0, name] = 9 if name == "AJOSUUNTA" else "O"
+    skipped = RoadMap.from_edges(table).info()["skipped"]
+    assert skipped == {"one-way words that were not understood (taken as two-way)": 1}
+
+
+def test_a_column_that_looks_like_directions_and_is_not_read_is_named(line):
+    lines = [line((0, 60 * k), (100, 60 * k)) for k in range(3)]
+    table = geopandas.GeoDataFrame({"SENTIDO": ["D", "C", "D"]}, geometry=lines, crs=4326)
+    (why,) = RoadMap.from_edges(table).info()["skipped"]
+    assert "it is not known what 'sentido' says (taken as two-way; if it tells directions" in why
+
+
+def test_n_beside_ft_and_tf_is_closed_both_ways(line):
+    lines = [line((0, 60 * k), (100, 60 * k)) for k in range(3)]
+    words = {"id": [0, 1, 2], "ONEWAY": ["FT", "N", ""]}
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame(words, geometry=lines, crs=4326))
+    assert rule(roads, 1, True) == rule(roads, 1, False) == NO_ACCESS
+    assert rule(roads, 2, True) == rule(roads, 2, False) == rule(roads, 0, True) == 0
+    closed = "roads closed both ways, N beside FT and TF (kept, without access)"
+    assert roads.info()["skipped"] == {closed: 1}
+    words["ONEWAY"] = ["Y", "N", "N"]
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame(words, geometry=lines, crs=4326))
+    assert rule(roads, 1, True) == rule(roads, 1, False) == 0
+
+
+@pytest.mark.parametrize(("place", "limits", "said"), [
+    ((40.0, -100.0), [25, 65], True), ((52.0, -1.0), ["30", None], True),
+    ((40.0, -100.0), [48, 65], False), ((40.0, -100.0), ["30 mph", "65 mph"], False),
+    ((48.0, 8.0), [30, 50], False),
+])  # fmt: skip
+def test_the_unit_that_was_taken_is_said_where_signs_are_in_mph(place, limits, said):
+    lat, lon = place
+    lines = [shapely.LineString([(lon, lat + k), (lon + 0.001, lat + k)]) for k in (0.0, 0.001)]
+    table = geopandas.GeoDataFrame(
+        {"oneway": ["no"] * 2, "speed_limit": limits}, geometry=lines, crs=4326
+    )
+    skipped = RoadMap.from_edges(table).info()["skipped"]
+    why = "speed limits without a unit, in a country of mph (taken as km/h; write 30 mph)"
+    assert skipped == ({why: sum(one is not None for one in limits)} if said else {})

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..geodesy.units import mps_of_kmh
 from ..graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..observations import Array
+from . import one_ways
 from . import tags as meaning
 from .lines import Lines, read_lines
 from .link import Links, link, middle_plane
@@ -20,17 +21,21 @@ from .tag_column import NAMES as TAGS
 from .tag_column import Tags, tags_in
 from .values import T, as_number, as_word, best, each, first, parts_of
 
+_UNSAID = ("maxspeed", "speed_limit")  # columns of limits whose names say no unit
+# south, north, west and east of where signs are in mph: Britain, the United States
+_IN_MPH = ((49.8, 61.0, -8.7, 1.8), (24.4, 49.4, -125.0, -66.9), (51.0, 71.5, -170.0, -130.0),
+           (18.8, 22.3, -160.3, -154.7))  # fmt: skip
 # accepted column names by meaning; the first that is there wins; case does not matter
 NAMES = {
     "source_id": ("id", "edge_id", "link_id", "osmid", "osm_id", "way_id", "fid", "gid", "ogc_fid"),
     "from": ("from", "from_node", "u", "source", "from_id", "from_node_id", "node_from"),
     "to": ("to", "to_node", "v", "target", "to_id", "to_node_id", "node_to"),
-    "oneway": ("oneway", "one_way", "dir_travel"),
+    "oneway": one_ways.NAMES,
     "cost": ("cost",),
     "reverse_cost": ("reverse_cost", "reverse_co"),
     "name": ("name", "street", "street_name", "road_name", "osm_name", "link_label"),
     "highway": ("highway", "fclass", "class", "road_class", "clazz"),
-    "speed_limit_kmh": ("speed_limit_kmh", "maxspeed", "speed_limit"),
+    "speed_limit_kmh": ("speed_limit_kmh", *_UNSAID),
     "lanes": ("lanes",),
     "width": ("width",),
     "layer": ("layer",),
@@ -44,9 +49,7 @@ NAMES = {
 _TAGGED = ("oneway", "access", "speed_limit_kmh", "name", "highway", "lanes", "width", "layer",
            "bridge", "tunnel", "junction")  # what a column of tags may hold  # fmt: skip
 _DIRECTED_SHARE = 0.1  # share of rows with an opposite row, from which on rows are directions
-_CODED = 0.01  # share of rows with other numbers than -1, 0, 1, from which on these are a code
 _LEVELS = 9  # the highest and, below 0, the lowest level of an end
-_LISTED = 6  # of its numbers
 # osm2po's numbers for the classes of OpenStreetMap
 _NUMBERED = {
     "11": "motorway", "12": "motorway_link", "13": "trunk", "14": "trunk_link",
@@ -67,7 +70,6 @@ _limit = first(lambda v: meaning.speed_limit_kmh(as_word(v)), 0.0)
 _size = first(lambda v: meaning.number(as_word(v)), 0.0)
 _any_true = best(meaning.truth, max, False)
 _access = best(lambda v: meaning.access({"access": as_word(v)}), max, meaning.OPEN)
-_oneway: Callable[[Any], int | None] = first(meaning.oneway_word, 0)
 _is_ring = best(lambda v: _one_ring(as_word(v).lower()), max, False)
 
 
@@ -96,7 +98,8 @@ def read_edges(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
 def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, Counter[str]]:
     """`read_edges` of an open table; gives the streets, and what was left out."""
     skipped: Counter[str] = Counter()
-    sheet = _known(_with_tags(sheet, skipped))
+    likely = one_ways.likely_column(sheet)
+    sheet = _with_closed(_known(_with_tags(sheet, skipped)), skipped)
     directed = sheet.directed if directed is None else directed
     lines = read_lines(sheet, crs, skipped)
     lines = _for_cars(sheet, lines, skipped)
@@ -114,12 +117,13 @@ def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
             directed = bool(2 * twins >= _DIRECTED_SHARE * len(rows)) and len(rows) > 1
             if not directed:
                 links = link(lines, origin, target, level, sheet.where, ends=ends)
-                why = "roads without one-way information, as the table has none (taken as two-way)"
+                why = one_ways.why_none(likely)
                 skipped[why] += len(np.unique(rows))
         along = np.full(len(rows), int(directed), dtype=np.int8)
     elif directed:
         along = np.where(along == 0, 1, along).astype(np.int8)
     skipped.update(links.skipped)
+    _say_unit(sheet, links, skipped)
     return _streets(sheet, links, along, skipped), skipped
 
 
@@ -147,6 +151,19 @@ def _tagged(what: str, tags: Tags) -> object:
     if what == "access":
         return meaning.access_word(tags)
     return tags.get("maxspeed" if what == "speed_limit_kmh" else what)
+
+
+def _with_closed(sheet: Sheet, skipped: Counter[str]) -> Sheet:
+    """The table whose roads that are closed both ways by their one-way word have no access."""
+    column = _find(sheet, "oneway")
+    shut = None if column is None else one_ways.closed(column)
+    if shut is None or not shut.any():
+        return sheet
+    skipped["roads closed both ways, N beside FT and TF (kept, without access)"] += int(shut.sum())
+    access = _find(sheet, "access")
+    cells = np.full(sheet.rows, None, dtype=object) if access is None else access.astype(object)
+    cells[shut] = "no"
+    return replace(sheet, columns=sheet.columns | {"access": cells})
 
 
 def _known(sheet: Sheet) -> Sheet:
@@ -196,6 +213,20 @@ def _layers(sheet: Sheet, lines: Lines) -> NDArray[np.int64]:
     return level
 
 
+def _say_unit(sheet: Sheet, links: Links, skipped: Counter[str]) -> None:
+    """Count limits that may be in mph: where signs are, and all are bare multiples of 5."""
+    lat, lon = float(np.median(links.lat_deg)), float(np.median(links.lon_deg))
+    there = any(s < lat < n and w < lon < e for s, n, w, e in _IN_MPH)
+    column = next((sheet.columns[n] for n in _UNSAID if n in sheet.columns), None)
+    if not there or column is None or NAMES["speed_limit_kmh"][0] in sheet.columns:
+        return
+    limits = np.array(each(column, as_number), dtype=np.float64)
+    bare = limits > 0.0
+    if bare.any() and not (limits[bare] % 5.0).any():
+        why = "speed limits without a unit, in a country of mph (taken as km/h; write 30 mph)"
+        skipped[why] += int(bare.sum())
+
+
 def _end_levels(sheet: Sheet, lines: Lines, skipped: Counter[str]) -> NDArray[np.int64] | None:
     """(n, 2) levels at which lines begin and end: ends of different levels do not meet.
 
@@ -219,9 +250,9 @@ def _one_way(
     sheet: Sheet, rows: NDArray[np.int64], skipped: Counter[str]
 ) -> NDArray[np.int8] | None:
     """1 where a row may be driven as drawn only, -1 against it only, 0 both; None: unknown word."""
-    column = _find(sheet, "oneway")
-    if column is not None:
-        return _directions(column[rows], skipped)
+    name = one_ways.column_of(sheet)
+    if name is not None:
+        return one_ways.directions(name, sheet.columns[name][rows], skipped)
     back = _find(sheet, "reverse_cost")
     if back is None:
         return None
@@ -232,30 +263,6 @@ def _one_way(
     closed_back = (back < 0) | (back >= 1e5) & (back > 100 * np.abs(there))
     closed = (there < 0) | (there >= 1e5) & (there > 100 * np.abs(back))
     return np.where(closed_back, 1, np.where(closed, -1, 0)).astype(np.int8)
-
-
-def _directions(cells: NDArray[Any], skipped: Counter[str]) -> NDArray[np.int8]:
-    """`_one_way` of the cells of its column; words that nobody knows close nothing.
-
-    Where many numbers are none of -1, 0 and 1, these are of a code too, and close nothing either.
-    """
-    found = each(cells, _oneway)
-    along = np.array([one or 0 for one in found], dtype=np.int8)
-    unknown = np.array([one is None for one in found], dtype=bool)
-    if not unknown.any():
-        return along
-    words = each(cells, _word)
-    number = ~np.isnan(np.array([as_number(word) for word in words], dtype=np.float64))
-    if np.count_nonzero(unknown & number) > _CODED * len(words):
-        seen = Counter(word for word, is_one in zip(words, number, strict=True) if is_one)
-        listed = ", ".join(f"{word} ({count:,})" for word, count in seen.most_common(_LISTED))
-        why = f"one-way numbers of a code that is not known: {listed} (all taken as two-way; give "
-        skipped[f"{why}F along, T against, B both)"] += int(number.sum())
-        along[number], unknown[number] = 0, False
-    if unknown.any():
-        reason = "one-way words that were not understood (taken as two-way)"
-        skipped[reason] += int(unknown.sum())
-    return along
 
 
 def _costs(column: NDArray[Any], skipped: Counter[str]) -> NDArray[np.float64]:
