@@ -27,6 +27,14 @@ def map_build(
         str | None,
         typer.Option(help="Reference system of an edge table or network, such as EPSG:3067."),
     ] = None,
+    gap: Annotated[
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            help="How far ends of an edge table may miss each other and yet meet; 0: not at all. "
+            "Else it is learnt.",
+        ),
+    ] = None,
     bbox: Annotated[
         str | None,
         typer.Option(
@@ -40,9 +48,10 @@ def map_build(
     from ..roadmap import RoadMap, open_map
     from ..writers import check_apart, replacing
 
-    if crs is not None and bbox is not None:
+    of_edges = crs is not None or gap is not None
+    if of_edges and bbox is not None:
         raise typer.BadParameter(
-            "--crs is for edge tables, --bbox for OSM extracts; give one of them"
+            "--crs and --gap are for edge tables, --bbox for OSM extracts; give one of them"
         )
     check_apart({"-o": out}, [source])
     with progress_line() as progress, replacing(out, force=force) as part:
@@ -50,7 +59,7 @@ def map_build(
         if bbox is not None:
             roads = RoadMap.from_osm(source, bbox=tuple(bbox.split(",")))  # type: ignore[arg-type]
         else:
-            roads = open_map(source) if crs is None else RoadMap.from_edges(source, crs=crs)
+            roads = RoadMap.from_edges(source, crs=crs, gap_m=gap) if of_edges else open_map(source)
         roads.save(part)
         info = roads.info()
     for reason, count in info["skipped"].items():

@@ -10,7 +10,8 @@ from ..errors import MapError
 from ..geodesy.angles import degrees, radians
 from ..geodesy.plane import Plane
 from ..observations import Array
-from . import topology
+from . import gaps, topology
+from .line_ends import EXACT, drawing
 from .lines import Lines
 from .named_nodes import drawn_back, homes
 from .sheet import is_absent, plain
@@ -50,7 +51,7 @@ class Links:
 
 def link(
     lines: Lines, origin: NDArray[Any] | None, target: NDArray[Any] | None, level: Ints,
-    where: str, *, ends: Ints | None = None, turn: bool = False,
+    where: str, *, ends: Ints | None = None, turn: bool = False, gap: float | None = None,
 ) -> Links:  # fmt: skip
     """Find the nodes of lines.
 
@@ -65,18 +66,21 @@ def link(
             unless their nodes have names.  None: all meet.
         turn: Whether lines that are drawn from their target to their origin are turned, as the
             names tell the direction; else their names are exchanged, as the drawing does.
+        gap: How far ends may miss each other that have no names, m; None: it is learnt.
 
     Returns:
         The linked lines.
 
     Raises:
-        MapError: The named nodes cannot be nodes: their ends lie far apart.
+        MapError: The named nodes cannot be nodes: their ends lie far apart.  The gap is none.
     """
+    gaps.check(gap)
     plane = middle_plane(lines.lat_deg, lines.lon_deg)
     x, y = plane.from_geodetic(lines.lat_deg, lines.lon_deg)
     if origin is not None and target is not None:
         return _named(lines, x, y, origin[lines.row], target[lines.row], where, turn)
-    return _inferred(lines, plane, x, y, level, ends)
+    lines, x, y, skipped = _mended(lines, plane, x, y, level, ends, gap)
+    return _inferred(lines, plane, x, y, level, ends, skipped)
 
 
 def middle_plane(lat_deg: Array, lon_deg: Array) -> Plane:
@@ -192,9 +196,30 @@ def _codes(names: NDArray[Any]) -> tuple[Ints, Column]:
     return code, Texts.of(words.tolist())
 
 
+def _mended(
+    lines: Lines, plane: Plane, x: Array, y: Array, level: Ints, ends: Ints | None,
+    gap: float | None,
+) -> tuple[Lines, Array, Array, dict[str, int]]:  # fmt: skip
+    """Lines whose ends meet where they missed each other by more than `SNAP`, if that is usual."""
+    height = np.zeros(2 * len(lines.row), np.int64) if ends is None else ends.ravel()
+    at = np.stack([lines.first[:-1], lines.first[1:] - 1], axis=1).ravel()
+    place = _first_alike(height, _joined(x[at], y[at], EXACT)[2])
+    ends_at = drawing(lines, x, y, level, place, height)
+    kept, skipped = gaps.mend(ends_at, gap, SNAP)
+    moved = (ends_at.x != x) | (ends_at.y != y)
+    if not moved.any():
+        return lines, x, y, skipped
+    lat, lon = lines.lat_deg.copy(), lines.lon_deg.copy()
+    x, y = ends_at.x, ends_at.y
+    lat[moved], lon[moved] = plane.to_geodetic(x[moved], y[moved])
+    first = np.concatenate([[0], np.cumsum(kept)])[lines.first]
+    return Lines(lines.row, first, lat[kept], lon[kept]), x[kept], y[kept], skipped
+
+
 def _inferred(
-    drawn: Lines, plane: Plane, x: Array, y: Array, level: Ints, ends: Ints | None
-) -> Links:
+    drawn: Lines, plane: Plane, x: Array, y: Array, level: Ints, ends: Ints | None,
+    skipped: dict[str, int],
+) -> Links:  # fmt: skip
     """Lines that meet where they touch.
 
     Ends within `SNAP` meet; so does an end with another line, in a vertex or between two.
@@ -206,7 +231,7 @@ def _inferred(
     places, node = np.unique(at, return_inverse=True)
     first, node = _without_repeats(lines.first, node, feet)
     number = np.arange(len(places))
-    return _links(lines, first, node, places, number, {}, drawn.first, x, y)
+    return _links(lines, first, node, places, number, skipped, drawn.first, x, y)
 
 
 def _stand_ins(

@@ -11,7 +11,9 @@ from .streets import Streets
 from .sumo import is_net, read_net
 
 
-def read_roads(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, str]:
+def read_roads(
+    table: Any, crs: Any, directed: bool | None, gap: float | None = None
+) -> tuple[Streets, str]:
     """As `RoadMap.from_edges` takes them.
 
     Returns:
@@ -27,4 +29,4 @@ def read_roads(table: Any, crs: Any, directed: bool | None) -> tuple[Streets, st
     sheet = open_sheet(table)
     if (segments := segments_in(sheet)) is not None:
         return read_overture(segments)
-    return read_edges(sheet, crs, directed)
+    return read_edges(sheet, crs, directed, gap)

@@ -77,13 +77,16 @@ def _one_ring(name: str) -> bool:
     return meaning.roundabout({"junction": name}) or name in {"true", "1", "yes", "t"}
 
 
-def read_edges(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, str]:
+def read_edges(
+    sheet: Sheet, crs: Any, directed: bool | None, gap: float | None = None
+) -> tuple[Streets, str]:
     """Streets of a table of roads.
 
     Args:
         sheet: The open table.
         crs: Coordinate system where the table does not name it.
         directed: Whether a row is one direction only; None: found out.
+        gap: How far ends may miss each other, m; None: it is learnt.
 
     Returns:
         The streets, and what to call the table.
@@ -91,11 +94,13 @@ def read_edges(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
     Raises:
         MapError: No geometry was found, or its coordinate system is unknown.
     """
-    streets, skipped = streets_of(sheet, crs, directed)
+    streets, skipped = streets_of(sheet, crs, directed, gap)
     return replace(streets, skipped=dict(skipped)), sheet.where
 
 
-def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, Counter[str]]:
+def streets_of(
+    sheet: Sheet, crs: Any, directed: bool | None, gap: float | None = None
+) -> tuple[Streets, Counter[str]]:
     """`read_edges` of an open table; gives the streets, and what was left out."""
     skipped: Counter[str] = Counter()
     likely = one_ways.likely_column(sheet)
@@ -108,7 +113,7 @@ def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
     # words of one-way roads are about the drawing; costs and rows of one direction are not
     by_name = bool(directed) or (directed is None and _find(sheet, "oneway") is None)
     ends = _end_levels(sheet, lines, skipped)
-    links = link(lines, origin, target, level, sheet.where, ends=ends, turn=by_name)
+    links = link(lines, origin, target, level, sheet.where, ends=ends, turn=by_name, gap=gap)
     rows = links.row
     along = _one_way(sheet, rows, skipped)
     if along is None:
@@ -116,7 +121,7 @@ def streets_of(sheet: Sheet, crs: Any, directed: bool | None) -> tuple[Streets, 
         if directed is None:
             directed = bool(2 * twins >= _DIRECTED_SHARE * len(rows)) and len(rows) > 1
             if not directed:
-                links = link(lines, origin, target, level, sheet.where, ends=ends)
+                links = link(lines, origin, target, level, sheet.where, ends=ends, gap=gap)
                 why = one_ways.why_none(likely)
                 skipped[why] += len(np.unique(rows))
         along = np.full(len(rows), int(directed), dtype=np.int8)

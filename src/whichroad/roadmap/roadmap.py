@@ -73,27 +73,28 @@ class RoadMap(EdgeGeometry):
         return cls._compiled(read_osm(Path(path), bbox), str(path), date_of(Path(path)))
 
     @classmethod
-    def from_edges(cls, table: Any, crs: Any = None, *, directed: bool | None = None) -> "RoadMap":
-        """Compile one's own table of roads.
-
-        Columns are found by their usual names (docs/formats.md); only `geometry` is required.
+    def from_edges(
+        cls, table: Any, crs: Any = None, *, directed: bool | None = None,
+        gap_m: float | None = None,
+    ) -> "RoadMap":  # fmt: skip
+        """Compile one's own table of roads, of which only `geometry` is required.
 
         Args:
-            table: GeoDataFrame, Arrow table, graph of OSMnx (MultiDiGraph), or path to
-                GeoParquet, GeoJSON, CSV with WKT, GraphML, or whatever geopandas reads.
-                Overture's segments, with their `connectors`, and SUMO's `.net.xml` are read by
-                their own schema.
-            crs: Coordinate system of the geometry where the table does not name it, as pyproj
-                takes it, e.g. "EPSG:3067".
+            table: GeoDataFrame, Arrow table, graph of OSMnx (MultiDiGraph), or path to GeoParquet,
+                CSV with WKT, GraphML, or whatever geopandas reads; columns as in docs/formats.md.
+                Overture's segments and SUMO's `.net.xml` are read by their own schema.
+            crs: Coordinate system where the table names none, as pyproj takes it ("EPSG:3067").
             directed: Whether a row is one direction of a road.  None: it is where the table
                 has no column on one-way roads and rows come in opposite pairs.
+            gap_m: How far ends may miss each other and yet meet, m, where nodes have no names.
+                None: it is learnt from the table; 0: only those within 0.5 m meet.
 
         Raises:
             MapError: No geometry was found, or its coordinate system is unknown.
         """
         from .read_roads import read_roads
 
-        return cls._compiled(*read_roads(table, crs, directed))
+        return cls._compiled(*read_roads(table, crs, directed, gap_m))
 
     @classmethod
     def _compiled(cls, streets: Streets, where: str, date: str | None = None) -> "RoadMap":
