@@ -84,14 +84,19 @@ def test_a_state_is_all_that_a_localizer_remembers(town, ride, observations):
     """A new attribute of the localizer must be kept too, or be named here as one that stays."""
     kept = {"_filter", "_odometer", "_rate", "_began", "_reading", "_far_fix", "_interval"}
     kept |= {"_past", "_statistics", "_gyro", "_sensing", "_clocks", "_before_wake"}
-    kept |= {"_band", "_creeps", "_glitches", "_steps"}
-    stays = {"roads", "vehicle", "settings", "skipped", "_start", "lag", "_map", "_answers"}
+    kept |= {"_band", "_creeps", "_glitches", "_steps", "_tie"}
+    stays = {"roads", "vehicle", "settings", "skipped", "_start", "lag", "_answers"}
     stays |= {"_lock"}
     views, forgotten = (
         {"_ahead"},
         {"_late", "_streams"},
     )  # readings refused before say nothing afterwards
     assert vars(localizer(town, ride)).keys() == kept | stays | views | forgotten
+
+
+def test_a_localizer_has_fewer_attributes_than_python_reads_quickly(town, ride):
+    """With 30 a reading of odometry took 0.4 µs longer."""
+    assert len(vars(localizer(town, ride))) < 30
 
 
 def test_a_localizer_taken_back_says_what_it_said(town, ride, observations):

@@ -11,6 +11,7 @@ from shapely import LineString
 
 from whichroad import Localizer, RoadMap
 from whichroad.observations import Odometer, WheelCounts, WheelSpeed, WheelSpeeds, WheelTicks
+from whichroad.online.least_speed import heed_least_speed
 from whichroad.sensors.dead_band import DeadBand, below, whole_dead_band
 from whichroad.settings import Vehicle
 
@@ -195,7 +196,7 @@ def test_another_vehicle_holds_for_a_state_and_a_speed_that_is_withdrawn_moves_n
     assert back._filter.belief.state[0].vetting.slow.least == 0.0
     tables = again._filter.tables()
     again._band.told = 0.0
-    again._heed_least_speed(0.6)
+    heed_least_speed(again._filter, again._band.least, 0.6)
     slow.least = 0.6
     for before, after in zip(tables, again._filter.tables(), strict=True):
         assert np.asarray(before).tobytes() == np.asarray(after).tobytes()

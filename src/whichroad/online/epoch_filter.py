@@ -224,6 +224,7 @@ class EpochFilter:
         self._state = bytes_of(self.belief.state)
         self._integers, self._numbers = self._state.cast("q"), self._state.cast("d")
         self._par = bytes_of(self.ctx.par).cast("q")
+        self._parts = self._tables()
         self._call: Callable[[], int] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -298,6 +299,7 @@ class EpochFilter:
         """Go on with other tables of the past: they have grown, or were tidied."""
         if path is not self.path or history is not self.history:
             self.path, self.history, self._call = path, history, None
+            self._parts = self._tables()
 
     def fill(
         self, time: float, arc: float, turn: float, valid: int, by: int = BY_WHEELS,
@@ -359,14 +361,12 @@ class EpochFilter:
     def tables(self) -> dict[str, bytes]:
         """Copies of all tables by name; of the hypotheses those that live."""
         count = self._rows
-        return {
-            name: (table[: count * size] if size else table).tobytes()
-            for name, (table, size) in self._tables().items()
-        }
+        parts = self._parts.items()
+        return {n: (one[: count * size] if size else one).tobytes() for n, (one, size) in parts}
 
     def set_tables(self, tables: Mapping[str, bytes]) -> None:
         """Overwrite the tables by copies."""
-        for name, (table, _) in self._tables().items():
+        for name, (table, _) in self._parts.items():
             table[: len(tables[name])] = tables[name]
 
     def _tables(self) -> dict[str, tuple[memoryview, int]]:

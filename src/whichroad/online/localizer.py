@@ -13,7 +13,7 @@ from typing import Any
 from ..diagnosis.statistics import ConsistencyStatistics
 from ..errors import ReadError
 from ..filter.state import CLOCK, DISTANCE, WHEELS, Context, new_belief, new_path, new_work
-from ..filter.vetting.motion_sources import AHEAD, ARC, BELOW
+from ..filter.vetting.motion_sources import AHEAD, BELOW
 from ..filter.vetting.windows import BY_WHEELS, GYRO_ALONE, HEARD_AGAIN, UNTURNED
 from ..global_start import start_at
 from ..lookback.smoothing import Window
@@ -43,6 +43,7 @@ from .answering import Answering
 from .epoch_filter import EpochFilter
 from .estimates import Estimate
 from .late_fixes import motion_since
+from .least_speed import heed_least_speed
 from .localizer_state import Reading, State
 from .looks_back import LooksBack
 from .one_odometry import SECOND, is_worse
@@ -51,16 +52,15 @@ from .remembers import Remembers
 from .sensing import Sensing
 from .set_back import Clocks
 from .silence import between, is_speed, learnt, lost_after, silent_after
+from .ties import Tie, Ties
 from .watched import Watched
 
 # s between epochs of a gyro while wheels are silent; that are predicted, else numbers overflow
 _BESIDE, _FARTHEST = 1.0, 366 * 86400.0
-_BLAMED, _CREPT = 2.0, 5.0  # times the fixes' variances; m, by which places may be wrong then
-_FACTORS = ("gnss_factor", "innovation_factor", "windowed_factor", "bias_factor")
 _TURNING, _STEERED = 1.0, 4.0  # s that a turn goes on unheard; until the road turns a prediction
 
 
-class Localizer(LooksBack, Watched, Pauses, Remembers):
+class Localizer(LooksBack, Watched, Pauses, Remembers, Ties):
     """The on-line filter: one observation in, one estimate out.
 
     It may be used from several threads: a call waits until that of another thread is done.
@@ -132,7 +132,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         self._streams = Streams()  # what of each was refused
         self._clocks = Clocks()  # and which were set back
         self._before_wake: State | None = None
-        self._map = ""  # fingerprint of the map, once it was asked for
+        self._tie: Tie | None = None  # from 30 attributes on CPython reads each of them slower
 
     def update(self, observation: Observation) -> Estimate:
         """Take one observation and say where the vehicle is.
@@ -185,13 +185,15 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         if isinstance(possible, YawRate):
             rate = true_rate(possible.yaw_rate, self.vehicle)
             return self._take_yaw_rate(replace(possible, yaw_rate=rate))
+        if self._tie is not None and (taken := self._heed_tie(possible)) is not None:
+            return taken
         if not self._in_order(possible):
             return False
         if isinstance(possible, GeoFix):
-            self._take_fix(possible, max(self._filter.time - possible.time, 0.0))
-        elif isinstance(possible, SensorReading):
-            return self._take_sensed(possible)
-        elif not self._take_odometry(possible):
+            return self._observe(possible)
+        if isinstance(possible, SensorReading):
+            return self._observe(possible)
+        if not self._take_odometry(possible):
             return False
         if self._filter.mode != CLOCK:
             self._statistics.accumulate(*self._filter.numbers())
@@ -241,6 +243,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             and self._is_lost(reading.time - wheels.time)
             and _BESIDE <= reading.time - now.time <= APART
         ):  # fmt: skip
+            self._close_tie()
             self._gyro.takeover.mute(ahead := reading.time - now.time)
             metres, speed = driven_on(self._rate[0], ahead)
             self._move_to(reading.time, metres / ahead)
@@ -266,10 +269,13 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         """What was driven since the last epoch, less what fixes in between took, as filled."""
         before, self._reading = self._reading, reading
         if before is None or type(before) is not type(reading):
+            self._clocks.tied = self._clocks.tied or self._far_fix[0] == reading.time
             self._odometer, self._interval, self._creeps = (reading.time, 0.0, 0.0), 0.0, False
             return 0.0, 0.0, 1, self._gyro.by
         taken, gap = self._odometer or (0.0, 0.0, 0.0), reading.time - before.time
         lost = self._is_lost(gap)
+        if taken[0] >= reading.time > before.time:
+            self._clocks.tied = True  # from the next time on
         unheard = self._is_silent(gap) and taken[0] > before.time  # fixes since then have moved it
         if unheard and is_speed(reading):  # it tells the way since the last of them
             before, taken = between(before, reading, taken[0]), (0.0, 0.0, 0.0)
@@ -282,7 +288,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
         least = self._band.least
         self._creeps = not self._steps.step and self._band.take(before, reading, arc)
         if self._band.least != least:
-            self._heed_least_speed(least)
+            heed_least_speed(self._filter, self._band.least, least)
         arc, turn = self._gyro.steered(before, reading, arc, turn)
         if unheard and not is_speed(reading):
             return self._counted_on(reading, arc, turn, dt)
@@ -309,21 +315,6 @@ class Localizer(LooksBack, Watched, Pauses, Remembers):
             return arc - taken[1], by_gyro, 0, HEARD_AGAIN
         part = (reading.time - taken[0]) / dt
         return arc * part, turn * part, 0, self._gyro.by
-
-    def _heed_least_speed(self, before: float) -> None:
-        """Odometry has read 0 while the vehicle crept until now, and fixes seemed to err."""
-        now, state = self._filter, self._filter.belief.state[0]
-        vetting = state.vetting
-        vetting.slow.least = self._band.least
-        if before > 0.0:
-            return
-        vetting.refused[ARC], vetting.score[ARC], vetting.seconds[ARC] = 0, 0.0, 0.0
-        if state.gnss_factor > _BLAMED:  # begin anew at the next fix
-            state.misfits = now.ctx.par.lost_after[0]
-            for name in _FACTORS:
-                state[name] = 1.0
-        elif now.started:
-            now.widen_along(_CREPT)
 
     def _is_silent(self, seconds: float) -> bool:
         """Whether that is longer than odometry usually says nothing."""

@@ -3,14 +3,22 @@
 import json
 import struct
 import zlib
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, NamedTuple
 
 from ..errors import MapError, ReadError, SettingError
 from ..filter.lookback.history import MOTION, REFERENCE
 from ..filter.state import EPOCH, FILTER, HYPOTHESIS, Path
 from ..filter.summary.estimate import ESTIMATE
-from ..observations import Distance, SpeedYaw, StartPose, WheelSpeed, WheelTicks
+from ..observations import (
+    Distance,
+    GeoFix,
+    SensorReading,
+    SpeedYaw,
+    StartPose,
+    WheelSpeed,
+    WheelTicks,
+)  # fmt: skip
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
 
@@ -18,6 +26,7 @@ _NAME = b"whichroad localizer "
 _MAGIC = _NAME + b"1\n"
 _NUMBERS = struct.Struct("<II")  # check sum of all that follows, length of the JSON
 _READINGS = {kind.__name__: kind for kind in (WheelTicks, WheelSpeed, Distance, SpeedYaw)}
+_OBSERVED: dict[str, Any] = {kind.__name__: kind for kind in (GeoFix, SensorReading)}
 
 Reading = WheelTicks | WheelSpeed | Distance | SpeedYaw
 
@@ -92,10 +101,12 @@ class State:
     Attributes:
         time: s since 1970, by the filter's clock.
         count: How many hypotheses lived.
-        tables: Records of the filter by name, as bytes; of the hypotheses those that live.
+        tables: Records of the filter by name, as bytes; of the hypotheses those that live; from
+            before what is in `observed`.
         odometry: What is known of the last readings.
         made: What the localizer was made with.
         skipped: Observations refused until then, by reason.
+        observed: What was taken last, before which odometry of its time may go in.
         watched: How many epochs waited to be looked at for the diagnosis; -1: not kept.
         path: Tree of the edges by which hypotheses came; None: it was another process's.
     """
@@ -106,6 +117,7 @@ class State:
     odometry: Odometry
     made: Made
     skipped: dict[str, int]
+    observed: tuple[GeoFix | SensorReading, ...] = ()
     watched: int = -1
     path: Path | None = None
 
@@ -123,8 +135,9 @@ class State:
             "records": _RECORDS, "time": self.time, "count": self.count, "odometry": kept,
             "made": made, "skipped": self.skipped,
             "tables": {name: len(table) for name, table in self.tables.items()},
+            "observed": [_as_lists(one) for one in self.observed],
         }  # fmt: skip
-        text = json.dumps(head).encode()
+        text = json.dumps(head, default=float).encode()  # numbers of NumPy
         content = text + b"".join(self.tables.values())
         size = struct.pack("<I", len(text))
         return _MAGIC + _NUMBERS.pack(zlib.crc32(size + content), len(text)) + content
@@ -158,7 +171,7 @@ class State:
             at += length
         return cls(
             head["time"], head["count"], tables, _odometry(head["odometry"]), _made(head["made"]),
-            head["skipped"],
+            head["skipped"], tuple(_OBSERVED[kind](**one) for kind, one in head["observed"]),
         )  # fmt: skip
 
 
@@ -174,6 +187,13 @@ def _odometry(kept: dict[str, Any]) -> Odometry:
             "reading": None if reading is None else _READINGS[reading[0]](**reading[1]),
         }
     )
+
+
+def _as_lists(observed: GeoFix | SensorReading) -> list[Any]:
+    """A fix or a further reading as what it is, and its fields."""
+    if isinstance(observed, SensorReading):
+        observed = replace(observed, values=dict(observed.values))
+    return [type(observed).__name__, asdict(observed)]
 
 
 def _made(kept: dict[str, Any]) -> Made:
@@ -203,7 +223,8 @@ def fingerprint(roads: RoadMap) -> str:
 def _records() -> str:
     """Tells versions apart: fields of the records, and of what a localizer is made with."""
     known = [repr(d.descr) for d in (HYPOTHESIS, FILTER, EPOCH, ESTIMATE, MOTION, REFERENCE)]
-    known += [field.name for kind in (Settings, Vehicle, StartPose) for field in fields(kind)]
+    kinds = (Settings, Vehicle, StartPose, State)
+    known += [field.name for kind in kinds for field in fields(kind)]
     known += [*Odometry._fields, *Made._fields]
     return f"{zlib.crc32(' '.join(known).encode()):08x}"
 

@@ -1,6 +1,6 @@
 """What an on-line filter remembers, as a value to go back to, and as bytes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from threading import RLock
@@ -21,6 +21,7 @@ from .localizer_state import Made, Odometry, Reading, State, fingerprint
 from .pauses import LateReadings, Streams
 from .sensing import Sensing
 from .set_back import Clocks
+from .ties import Observed, Tie
 
 
 class Remembers:
@@ -52,7 +53,10 @@ class Remembers:
     _streams: Streams
     _clocks: Clocks
     _before_wake: State | None
-    _map: str
+    _tie: Tie | None
+    _go_back: Callable[[], list[Observed]]
+    _observe_again: Callable[[Sequence[Observed]], None]
+    _map: str = ""  # its fingerprint, once it was asked for
 
     def __getstate__(self) -> dict[str, Any]:
         return self.__dict__ | {"_ahead": None, "_lock": None}
@@ -110,16 +114,19 @@ class Remembers:
             if self._before_wake is not None:
                 return self._before_wake
             now = self._filter
+            time, count, observed = now.time, now.count, self._go_back()
             odometry = Odometry(
                 self._odometer, self._rate, self._interval, self._began, self._reading,
                 self._far_fix, now.mode, self._gyro.kept(), self._sensing.kept(),
                 self._clocks.kept(), [self._creeps, *self._band.kept()],
                 self._glitches.kept(), self._steps.kept(),
             )  # fmt: skip
-            return State(
-                now.time, now.count, now.tables(), odometry, self._made(), dict(self.skipped),
-                self._statistics.waiting, now.path,
+            state = State(
+                time, count, now.tables(), odometry, self._made(), dict(self.skipped),
+                tuple(observed), self._statistics.waiting, now.path,
             )  # fmt: skip
+            self._observe_again(observed)
+            return state
 
     def restore(self, state: State) -> None:
         """Remember what a state says, and nothing else.
@@ -152,11 +159,13 @@ class Remembers:
             self._reading, self._far_fix = known.reading, known.far_fix
             if self._past is not None:
                 if now.path is not state.path:  # tidied since, or of another process: begun anew
-                    now.belief.hyp["path_entry"][: state.count] = -1
-                self._past.forget_after(state.time, now.belief)
+                    now.belief.hyp["path_entry"][: now.count] = -1
+                self._past.forget_after(now.time, now.belief)
             self._statistics.forget_after(state.watched)
             self._late.took()
             self._streams = Streams()
+            self._tie = None
+            self._observe_again(state.observed)
 
     def _blank(self) -> State:
         """The state before anything was observed."""

@@ -82,13 +82,14 @@ class Clocks:
         last: By how much at last, s.
         ahead: By how much odometry's clock alone stepped ahead in all, s.
         stirred: Whether a clock stepped, or may have done so.
+        tied: Whether odometry comes after fixes of its time; None: not known yet.
         unsure: Way of a step ahead that speeds told and nobody drove, m, until it is set to 0.
     """
 
     __slots__ = (
         "_again", "_agree", "_by", "_count", "_gap", "_interval", "_judged", "_late", "_left",
         "_open", "_ran", "_since", "_trusted", "_usual", "_way", "ahead", "last", "steps",
-        "stirred", "unsure",
+        "stirred", "tied", "unsure",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -97,6 +98,7 @@ class Clocks:
         self._gap, self._agree = 0.0, 0  # s that odometry may have stepped ahead; fixes that agree
         self._way = self.unsure = 0.0
         self.stirred = False
+        self.tied: bool | None = None
         self._late = 0.0  # s of the last fix that agreed
         self._judged = 0.0  # when a fix agreed at last, by the filter's clock, s
         self._by = [0.0] * 4  # s by kind
@@ -243,12 +245,13 @@ class Clocks:
     def kept(self) -> list[Any]:
         """What it knows of the clocks, as numbers."""
         numbers = [self.steps, self.last, self.ahead, self._since]
-        return [*numbers, list(self._by), list(self._open), list(self._usual)]
+        return [*numbers, list(self._by), list(self._open), list(self._usual), self.tied]
 
     def restore(self, kept: list[Any]) -> None:
         """Remember that and nothing else."""
         self.steps, self.last, self.ahead, self._since = kept[:4]
-        self._by, self._open, self._usual = (list(numbers) for numbers in kept[4:])
+        self._by, self._open, self._usual = map(list, kept[4:7])
+        self.tied = kept[7]
         self._count = [round(1.0 / _NEWS)] * 4
         self._gap = self.unsure = 0.0
         self.stirred = bool(self.steps or self.ahead)

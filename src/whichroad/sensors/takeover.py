@@ -52,6 +52,9 @@ class Takeover:
 
     Args:
         track_width: Of the wheels, m.
+
+    Attributes:
+        fix: Place (m) and sigma (m) of the last fix since the last anchor; None: none came.
     """
 
     def __init__(self, track_width: float) -> None:
@@ -61,7 +64,7 @@ class Takeover:
         self._second = [0.0, 0.0, 0.0, 0.0]  # s, arc, and turns of each since the last anchor
         self._part: deque[tuple[float, ...]] = deque(maxlen=16)  # s, m, rad, rad of the last
         # readings, and the m and rad that were taken
-        self._fix: tuple[complex, float] | None = None  # m, since the last anchor
+        self.fix: tuple[complex, float] | None = None
         self._origin: tuple[float, float, float] | None = None  # degrees; cosine of the first
         self._time = -math.inf
         self._score, self.wrong = [0.0, 0.0], [False, False]
@@ -79,7 +82,7 @@ class Takeover:
             self._origin = (lat_deg, lon_deg, math.cos(radians(lat_deg)))
         lat, lon, narrow = self._origin
         east = math.remainder(lon_deg - lon, 360.0) * narrow
-        self._fix = (METRES_PER_DEGREE * complex(east, lat_deg - lat), sigma)
+        self.fix = (METRES_PER_DEGREE * complex(east, lat_deg - lat), sigma)
 
     def moved(self, time: float, arc: float, wheels: float, gyro: float | None) -> Taken:
         """Take what was measured since the reading before.
@@ -100,7 +103,7 @@ class Takeover:
         if self._standing.take(dt, stands, gyro):
             self._begin()  # it is no dispute
         self._sum_up(dt, arc, wheels, gyro)
-        if self._second[0] >= (_EVERY if self._fix is not None else _WITHOUT):
+        if self._second[0] >= (_EVERY if self.fix is not None else _WITHOUT):
             self._judge(time)
         taken = self._taken(dt, arc, wheels, gyro)
         self._part.append((dt, arc, wheels, gyro, taken[0], taken[1]))
@@ -129,7 +132,7 @@ class Takeover:
     def kept(self) -> list[Any]:
         """What it knows, as numbers."""
         places = [[p.real, p.imag] for p in self._place]
-        fix = None if self._fix is None else [self._fix[0].real, self._fix[0].imag, self._fix[1]]
+        fix = None if self.fix is None else [self.fix[0].real, self.fix[0].imag, self.fix[1]]
         anchors = [
             [a.time, *a.turned, *(n for p in a.place for n in (p.real, p.imag)), a.sigma, a.way]
             + ([] if a.fix is None else [a.fix.real, a.fix.imag])
@@ -160,13 +163,13 @@ class Takeover:
             two = (complex(wx, wy), complex(gx, gy))
             self._anchors.append(Anchor(time, (w, g), two, place, sigma, way))
         self._place = [complex(*p) for p in places]
-        self._fix = None if fix is None else (complex(fix[0], fix[1]), fix[2])
+        self.fix = None if fix is None else (complex(fix[0], fix[1]), fix[2])
 
     def _begin(self) -> None:
         """Compare from now on only."""
         self._anchors.clear()
         self._part.clear()
-        self._second, self._fix, self.disputed = [0.0, 0.0, 0.0, 0.0], None, False
+        self._second, self.fix, self.disputed = [0.0, 0.0, 0.0, 0.0], None, False
 
     def _sum_up(self, dt: float, arc: float, wheels: float, gyro: float) -> None:
         for who, turn in enumerate((wheels, gyro)):
@@ -192,8 +195,8 @@ class Takeover:
         """Keep an anchor, and decide who is believed."""
         since, arc, wheels, gyro = self._second
         self._way += arc
-        fix, sigma = self._fix or (None, math.inf)
-        self._second, self._fix = [0.0, 0.0, 0.0, 0.0], None
+        fix, sigma = self.fix or (None, math.inf)
+        self._second, self.fix = [0.0, 0.0, 0.0, 0.0], None
         self._anchors.append(
             Anchor(time, (self._turned[0], self._turned[1]), (self._place[0], self._place[1]),
                    fix, sigma, self._way)
