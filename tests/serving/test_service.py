@@ -23,7 +23,7 @@ from whichroad.answers import osrm_match, trace_route
 from whichroad.answers.polylines import encoded
 from whichroad.live.traces import Traces
 from whichroad.serving import workers
-from whichroad.serving.answering_process import plan_of
+from whichroad.serving.answering_process import ATTRIBUTES, plan_of
 from whichroad.serving.endpoints import Endpoints
 from whichroad.serving.workers import Lane
 from whichroad.simulate import draw_town
@@ -206,6 +206,22 @@ def test_a_process_that_dies_is_replaced(base, drive, process):
         codes.append(httpx.get(address(base, drive), timeout=300).status_code)
     assert codes[-3:] == [200] * 3
     assert set(codes) <= {200, 413}
+
+
+def test_a_process_that_died_while_it_waited_costs_no_request(town, drive):
+    async def asked():
+        lane = Lane(plan_of(town, Vehicle(), Settings(), 1000, False), 1, 8, 300.0)
+        await lane.start()
+        try:
+            (one,) = lane._all
+            one._process.kill()
+            await one._process.wait()
+            body = json.dumps(body_of(drive)).encode()
+            return (await lane.ask(ATTRIBUTES + body))[0], lane.ended, len(lane._all)
+        finally:
+            await lane.close()
+
+    assert asyncio.run(asked()) == (200, 1, 1)
 
 
 def test_other_hosts_and_origins_are_not_served(base):

@@ -72,6 +72,12 @@ class Answering:
             raise EOFError from error
         return struct.unpack_from("<H", answer)[0], answer[2:]
 
+    @property
+    def has_ended(self) -> bool:
+        """Whether it has ended by itself."""
+        back = self._process.stdout
+        return self._process.returncode is not None or (back is not None and back.at_eof())
+
     async def end(self) -> None:
         """End it at once."""
         with contextlib.suppress(ProcessLookupError):
@@ -117,9 +123,12 @@ class Lane:
             one = await self._free.get()
         finally:
             self.waiting -= 1
+        if one is not None and one.has_ended:  # while it waited
+            self._drop(one)
+            one = None
         whole = False
         try:
-            if one is None:  # its place was left by a process that was ended
+            if one is None:  # its place was left by a process that has ended
                 one = await Answering.start(self._plan)
                 self._all.add(one)
             async with asyncio.timeout(self._seconds):
@@ -133,10 +142,14 @@ class Lane:
             raise HTTPException(413, "the trace needs more than one trace may take") from None
         finally:  # also of a request that was cancelled: its answer must not reach the next
             if not whole and one is not None:
-                self._all.discard(one)
-                self.ended += 1
+                self._drop(one)
                 await asyncio.shield(one.end())
             self._free.put_nowait(one if whole else None)
+
+    def _drop(self, one: Answering) -> None:
+        """Count a process that has ended, or is about to."""
+        self._all.discard(one)
+        self.ended += 1
 
     async def close(self) -> None:
         """End the processes."""
