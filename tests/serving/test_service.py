@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -222,6 +223,25 @@ def test_a_process_that_died_while_it_waited_costs_no_request(town, drive):
             await lane.close()
 
     assert asyncio.run(asked()) == (200, 1, 1)
+
+
+def test_nothing_is_answered_to_those_who_have_left(base, drive):
+    def counts():
+        return httpx.get(base + "health").json()["usual"]
+
+    host, port = base.removeprefix("http://").rstrip("/").split(":")
+    path = address("/", [[*range(600)], *(column * 10 for column in drive[1:])])
+    lines = f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
+    before, callers = counts(), []
+    for _ in range(12):
+        callers.append(socket.create_connection((host, int(port))))
+        callers[-1].sendall(lines)
+    for caller in callers:
+        caller.close()
+    assert httpx.get(address(base, drive), timeout=300).status_code == 200
+    after = counts()
+    assert after["left"] - before["left"] >= 5
+    assert after["answered"] - before["answered"] <= 8
 
 
 def test_other_hosts_and_origins_are_not_served(base):

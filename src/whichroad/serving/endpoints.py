@@ -90,7 +90,7 @@ class Endpoints:
             return JSONResponse(refused, 400)
         query = request.scope.get("query_string", b"").decode("latin-1")
         asked = OSRM + f"{parts[3]}\n{query}".encode("latin-1", "replace")
-        return await self._answered(asked, parts[3].count(";"))
+        return await self._answered(request, asked, parts[3].count(";"))
 
     async def tables(self, request: Request) -> Response:
         """`POST /match`: a usual trace by the usual lane, others in a process of their own."""
@@ -101,7 +101,8 @@ class Endpoints:
         body = await body_of(request)
         with contextlib.suppress(TooSlow):
             async with self.traces.written(asked, body) as folder:
-                status, answer = await self.usual.ask(TABLES + os.fsencode(folder))
+                wanted = TABLES + os.fsencode(folder)
+                status, answer = await self.usual.ask(wanted, request.is_disconnected)
             if status != TOO_MANY_POINTS:
                 headers = {"vary": "accept-encoding"}
                 if asked.gzip and status == 200:
@@ -115,18 +116,18 @@ class Endpoints:
                 body = request.query_params.get("json", "").encode()
             else:
                 body = await body_of(request)
-            return await self._answered(kind + body, body.count(b'"lat"'))
+            return await self._answered(request, kind + body, body.count(b'"lat"'))
 
         return handler
 
-    async def _answered(self, asked: bytes, points: int) -> Response:
+    async def _answered(self, request: Request, asked: bytes, points: int) -> Response:
         """Ask the usual lane, and the large one about what is too much for that."""
         status, body = TOO_MANY_POINTS, b""
         if len(asked) <= _LARGE and points <= MANY:
             with contextlib.suppress(TooSlow):
-                status, body = await self.usual.ask(asked)
+                status, body = await self.usual.ask(asked, request.is_disconnected)
         if status == TOO_MANY_POINTS:  # an encoded line shows its length only to who decodes it
-            status, body = await self.large.ask(asked)
+            status, body = await self.large.ask(asked, request.is_disconnected)
         return Response(body, status or 400, media_type="application/json")
 
     async def health(self, request: Request) -> Response:
@@ -161,7 +162,7 @@ class _Again(Response):
 
 
 def _of(lane: Lane) -> dict[str, Any]:
-    names = ("waiting", "answered", "refused", "ended")
+    names = ("waiting", "answered", "refused", "left", "ended")
     return {name: getattr(lane, name) for name in names}
 
 

@@ -9,6 +9,7 @@ import contextlib
 import os
 import struct
 import sys
+from collections.abc import Awaitable, Callable
 
 from starlette.exceptions import HTTPException
 
@@ -99,7 +100,7 @@ class Lane:
         self._plan, self._count, self._most, self._seconds = plan, processes, waiting, seconds
         self._free: asyncio.Queue[Answering | None] = asyncio.Queue()
         self._all: set[Answering] = set()
-        self.waiting = self.answered = self.refused = self.ended = 0
+        self.waiting = self.answered = self.refused = self.left = self.ended = 0
 
     async def start(self) -> None:
         """Start the processes."""
@@ -107,12 +108,18 @@ class Lane:
             self._all.add(one)
             self._free.put_nowait(one)
 
-    async def ask(self, request: bytes) -> tuple[int, bytes]:
+    async def ask(
+        self, request: bytes, has_left: Callable[[], Awaitable[bool]] | None = None
+    ) -> tuple[int, bytes]:
         """Status and body of a request.
+
+        Args:
+            request: What a process is asked.
+            has_left: Whether its client has left, for whom nothing is answered then.
 
         Raises:
             TooSlow: It takes too long.
-            HTTPException: Too many wait, or it takes too much memory.
+            HTTPException: Too many wait, it takes too much memory, or the client has left.
         """
         if self.waiting >= self._most:
             self.refused += 1
@@ -128,6 +135,10 @@ class Lane:
             one = None
         whole = False
         try:
+            if has_left is not None and await has_left():
+                whole = True
+                self.left += 1
+                raise HTTPException(503, "the client has left")
             if one is None:  # its place was left by a process that has ended
                 one = await Answering.start(self._plan)
                 self._all.add(one)
