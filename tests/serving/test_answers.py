@@ -282,6 +282,27 @@ def test_points_of_valhalla_with_one_time_are_taken_in_their_order(town, body):
     assert trace_route(town, {**body, "shape": still}) == trace_route(town, {**body, "shape": none})
 
 
+@pytest.mark.parametrize(
+    ("wrong", "seen"),
+    [
+        (lambda k, time: time - 3600.0 * (k > 45), "that of point 47 is "),
+        (lambda k, time: time if k % 2 else None, " points have none."),
+    ],
+)
+def test_times_of_valhalla_that_are_not_used_are_warned_of(town, body, wrong, seen):
+    shape = [{**p, "time": wrong(k, p["time"])} for k, p in enumerate(body["shape"])]
+    none = [{n: v for n, v in point.items() if n != "time"} for point in shape]
+    answers = [trace_attributes(town, {**body, "shape": one}) for one in (shape, none)]
+    (warning,) = answers[0].pop("warnings")
+    assert warning["text"].startswith("The times of the points are not used: ")
+    assert seen in warning["text"]
+    assert answers[0] == answers[1]
+    assert trace_route(town, {**body, "shape": shape})["trip"]["warnings"] == [warning]
+    osrm = trace_route(town, {**body, "shape": shape, "format": "osrm"})
+    assert osrm["warnings"] == [warning]
+    assert "warnings" not in trace_attributes(town, body)
+
+
 def test_the_form_of_osrm_is_given_by_valhalla_too(town, body):
     answer = trace_route(town, {**body, "format": "osrm"})
     assert answer["code"] == "Ok"

@@ -36,12 +36,14 @@ class Trace:
         lon: Degrees.
         time: s since 1970 UTC, not decreasing; None: there are none.
         sigma: m, per axis; NaN: not told.
+        untimed: Why times that were given are not used; empty: they are, or none were.
     """
 
     lat: Array
     lon: Array
     time: Array | None
     sigma: Array
+    untimed: str = ""
 
     def __len__(self) -> int:
         return len(self.lat)

@@ -322,6 +322,7 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
         raise valhalla_error(158, sigma, "gps_accuracy")
     shape, line = given.get("shape"), given.get("encoded_polyline")
     time: Array | None = None
+    untimed = ""
     if isinstance(shape, list) and shape:
         if len(shape) > most:
             raise valhalla_error(153, len(shape), most)
@@ -330,6 +331,8 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
         times = [p.get("time") for p in shape]
         if all(one is not None for one in times):
             time = np.array([float(one) for one in times])
+        elif missing := times.count(None) % len(times):
+            untimed = f"{missing:,} of {len(times):,} points have none"
     elif isinstance(line, str) and line:
         lat, lon = decoded(line, 5 if given.get("shape_format") == "polyline5" else 6)
         if len(lat) > most:
@@ -348,9 +351,13 @@ def _valhalla_trace(given: Mapping[str, Any], most: int) -> Trace:
         raise ValueError("a place that is none")
     if time is not None and not (np.isfinite(time).all() and (np.abs(time) < _LAST).all()):
         raise ValueError("a time that is none")
-    if time is not None and ((np.diff(time) < 0.0).any() or np.ptp(time) <= _ONE_TIME):
+    if time is not None and np.ptp(time) <= _ONE_TIME:
+        time = None
+    elif time is not None and (back := np.diff(time, prepend=time[:1]) < 0.0).any():
+        k = int(np.argmax(back))
+        untimed = f"that of point {k + 1} is {time[k]:.15g}, after {time[k - 1]:.15g}"
         time = None  # Valhalla takes points in their order, whatever their times are
-    return Trace(lat, lon, time, accuracy)
+    return Trace(lat, lon, time, accuracy, untimed)
 
 
 def _durations(given: Mapping[str, Any], n: int) -> Array | None:

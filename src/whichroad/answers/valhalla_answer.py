@@ -21,6 +21,7 @@ _START, _CONTINUE, _DESTINATION = 1, 8, 4  # types of manoeuvres
 _TURNS = {"slight right": 9, "right": 10, "sharp right": 11, "uturn": 13, "sharp left": 14,
           "left": 15, "slight left": 16, "straight": _CONTINUE}  # fmt: skip
 _FOOT = 0.3048  # m
+_UNTIMED = 900  # code of a warning; Valhalla's own are smaller
 _LEAST_MILES = 0.15  # below it a distance is told in feet
 _AT_ONCE = 200.0  # m up to which the next manoeuvre is told with this one
 
@@ -73,7 +74,16 @@ def attributes_answer(matched: Matched, wish: Wish) -> dict[str, Any]:
     answer["matched_points"] = _points(matched, pieces, wish)  # type: ignore[assignment]
     answer["alternate_paths"] = []  # type: ignore[assignment]
     answer["whichroad"] = estimates(matched)  # type: ignore[assignment]
+    answer |= _warnings(matched)
     return answer | ({} if wish.id is None else {"id": wish.id})
+
+
+def _warnings(matched: Matched) -> dict[str, Any]:
+    """What of the request was not used, as Valhalla warns."""
+    if not matched.trace.untimed:
+        return {}
+    text = f"The times of the points are not used: {matched.trace.untimed}."
+    return {"warnings": [{"code": _UNTIMED, "text": text}]}
 
 
 def _all_pieces(matched: Matched) -> list[Piece]:
@@ -154,10 +164,8 @@ def route_answer(matched: Matched, wish: Wish) -> dict[str, Any]:
     stops = wish.breaks if wish.breaks is not None else (0, last)
     if wish.form == "osrm":
         waypoints = tuple(k for k in stops if matched.on[k])
-        return osrm_answer(
-            matched,
-            Options("polyline6", "full", steps=True, waypoints=waypoints, by_valhalla=True),
-        )
+        options = Options("polyline6", "full", steps=True, waypoints=waypoints, by_valhalla=True)
+        return osrm_answer(matched, options) | _warnings(matched)
     legs, locations = [], []
     for run in matched.runs:
         inner = [k for k in run.points[1:-1] if k in stops]
@@ -173,7 +181,7 @@ def route_answer(matched: Matched, wish: Wish) -> dict[str, Any]:
         "summary": _sum_of([leg["summary"] for leg in legs]),
         "status_message": "Found route between points", "status": 0, "units": wish.units,
         "language": "en-US",
-    }  # fmt: skip
+    } | _warnings(matched)  # fmt: skip
     p = math.prod(run.confidence for run in matched.runs)
     more = {"confidence_score": round(p, 6), "whichroad": estimates(matched)}
     return {"trip": trip, **more, **({} if wish.id is None else {"id": wish.id})}
