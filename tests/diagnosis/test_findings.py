@@ -105,6 +105,7 @@ def test_errors_that_grow_with_the_time_between_fixes_alone_may_be_the_wheels(se
     named = found(rows)
     assert set(named) == {"gnss sigma"}
     assert "either the wheels' heading drifts" in named["gnss sigma"].advice
+    assert "less than gnss_time, and are as large as reported" in named["gnss sigma"].advice
     assert "wheels" not in found(drive(seed, sigma=1.5))["gnss sigma"].advice
 
 

@@ -263,8 +263,9 @@ def _too_large(sigma: float, usual: bool) -> str:
     return (
         f"over a minute the fixes leave the way by the wheels {sigma:.1f} times as far as the "
         "reported sigmas say, from one fix to the next they do not; either the wheels' heading "
-        "drifts: look at tyres, slip and coarse counters; or GNSS errors that last are larger: "
-        "then report larger sigmas"
+        "drifts: look at tyres, slip and coarse counters; or GNSS errors last for less than "
+        "gnss_time, and are as large as reported: then set gnss_time to less; or those that last "
+        "are larger: then report larger sigmas"
     )
 
 
