@@ -12,23 +12,28 @@ from ..._compile import kernel
 from ..state import OFF_ROAD, Belief, X, Y, heaviest
 
 _SIGMAS, _LEAST = 3.0, 1.0  # of the place, and m, by which fixes may move it in any case
+_WAS_X, _WAS_Y = 6, 7  # scratch, beside the innovations: its place before the fix
 
 
 @kernel
-def add_places(belief: Belief, sign: float) -> None:
-    """Add the places on roads to what fixes dragged, or take them off, with the weights of before.
+def note_places(belief: Belief) -> None:
+    """Note where the hypotheses are before a fix, which may drop some of them."""
+    for i in range(belief.state[0].count):
+        hyp = belief.hyp[i]
+        hyp.scratch[_WAS_X] = hyp.mu[X]
+        hyp.scratch[_WAS_Y] = hyp.mu[Y]
 
-    Args:
-        belief: Its state in place.
-        sign: 1 after a fix, -1 before it.
-    """
+
+@kernel
+def add_dragged(belief: Belief) -> None:
+    """Add the ways by which a fix moved those on roads that it left, with the weights of before."""
     state = belief.state[0]
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
             continue
-        state.dragged[0] += sign * hyp.weight * hyp.mu[X] / state.scale
-        state.dragged[1] += sign * hyp.weight * hyp.mu[Y] / state.scale
+        state.dragged[0] += hyp.weight * (hyp.mu[X] - hyp.scratch[_WAS_X]) / state.scale
+        state.dragged[1] += hyp.weight * (hyp.mu[Y] - hyp.scratch[_WAS_Y]) / state.scale
 
 
 @kernel

@@ -24,7 +24,7 @@ from ..state import (
 from .bias import age_receiver, is_fine
 from .departure import drives, is_followed_blindly, note_departure, p_strayed
 from .diverging_track import follow_track, has_diverged, may_have_turned
-from .dragged import add_places, count_dragged
+from .dragged import add_dragged, count_dragged, note_places
 from .frequent_fixes import second_misfits
 from .gross_error import comes_back, fork_solution, heed_gross_error, takes_back
 from .inflation import (
@@ -336,9 +336,9 @@ def _follow_fix(belief: Belief, ctx: Context, epoch: Record, axes: Axes, since: 
     state = belief.state[0]
     if state.mode != CLOCK or not is_fine(state) or not is_followed_blindly(state, epoch):
         return _weigh_fix(belief, ctx, epoch, axes, since)
-    add_places(belief, -1.0)
+    note_places(belief)
     chi2 = _weigh_fix(belief, ctx, epoch, axes, since)
-    add_places(belief, 1.0)
+    add_dragged(belief)
     count_dragged(belief)
     return chi2
 
