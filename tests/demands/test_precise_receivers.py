@@ -135,3 +135,19 @@ def test_by_positions_alone_the_level_covers_fixes_that_leave_the_road():
     case = Case("unmapped", scenes.side_street, ("fixes",), of_sigma(0.7, 0.2))
     found = one("fine", case, "fixes", 1000, How())
     assert found.pose.exceeded == 0
+
+
+@pytest.mark.parametrize(
+    ("suite", "every", "seed"),
+    [("fixes", 0.05, 1004), ("fixes", 0.2, 1003), ("odometer", 0.2, 1004)],
+)  # fmt: skip
+def test_however_often_fine_fixes_come_roads_that_are_driven_are_not_left(
+    suite: str, every: float, seed: int
+):
+    """The arc of a corner is no line of a road, and each fix shows another decimetre of it."""
+    case = Case("often", scenes.town, (suite,), of_sigma(0.02, every))
+    found = one("fine", case, suite, seed, How())
+    assert found.declared > 1000
+    assert found.wrong == 0
+    assert found.pose.right >= 0.995 * found.pose.roads
+    assert found.pose.exceeded <= 1

@@ -41,11 +41,18 @@ from .state import (
     redraw,
     rescale,
 )
+from .weaving import (
+    WOBBLE,
+    as_on_roads,
+    renew_about_road,
+    turn_by_heading,
+    weave,
+)
 
 CORNER = 0.15  # rad in one step; less is a bend that the map has drawn round
 CORNER_RADIUS = 15.0  # m
 _CORNER_SIGMA = 3.0  # m/rad, of the distance driven in a corner
-_WOBBLE, _CORNERED = 5.0, 0.3  # m, rad of the road's turn, over which a heading about it lasts
+_CORNERED = 0.3  # rad of the road's turn, over which a heading about it lasts
 _REDRAWN = 0.03  # of it, below which nothing is kept
 _FULL_TURN = 1.6  # rad, cap of a corner
 _SPENT = 1e-5  # P(before the bound) below which a Gaussian is cut there
@@ -93,20 +100,8 @@ def keep_about(about: float, way: float, bent: float) -> tuple[float, float]:
     Returns:
         φ, and the derivative of φ times the heading by the way, rad/m.
     """
-    keep = math.exp(-abs(way) / _WOBBLE - bent / _CORNERED)
-    return keep, -math.copysign(keep / _WOBBLE, way) * about
-
-
-@kernel
-def _renew_about_road(state: Record, par: Record, odometer: float) -> None:
-    """The variance of headings about roads is that of the last epoch, the usual one at least.
-
-    What is left of it where several epochs make a step is the mean over the last metres.
-    """
-    state.about_road[0] = max(state.about_road[1], par.edge_heading_sigma**2)
-    state.about_road[1] = 0.0
-    new = 1.0 - math.exp(-2.0 * abs(odometer * state.speed) / _WOBBLE)
-    state.about_road[2] += new * (state.about_road[0] - state.about_road[2])
+    keep = math.exp(-abs(way) / WOBBLE - bent / _CORNERED)
+    return keep, -math.copysign(keep / WOBBLE, way) * about
 
 
 @kernel(inline=True)
@@ -121,8 +116,9 @@ def _wobble(
     mean, cov = hyp.mu, hyp.cov
     heading = math.atan2(tangent[1], tangent[0])
     about = wrap(mean[H] - heading + turn)
-    keep, rate = keep_about(about, odometer * mean[K], min(abs(turn), _FULL_TURN))
-    if state.mode != CLOCK or keep < _REDRAWN:
+    bent = 0.0 if state.weaves == 1 else min(abs(turn), _FULL_TURN)
+    keep, rate = keep_about(about, odometer * mean[K], bent)
+    if (state.mode != CLOCK and state.weaves == 0) or keep < _REDRAWN:
         redraw(hyp, H, heading, state.about_road[0])
         return
     mean[H] = heading + about
@@ -152,10 +148,16 @@ def _move_to(
     knows = belief.state[0].knows_heading
     turn = angle_of(to.tx * nx + to.ty * ny, to.tx * ny - to.ty * nx)
     bent = min(abs(turn), _FULL_TURN)
-    if bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
+    free = belief.state[0].weaves == 1
+    if free:
+        turn_by_heading(hyp, (to.tx, to.ty), to.odometer, belief.state[0].about_road[0])
+        if bent > CORNER:
+            _move_on(belief, ctx, i, to, noise, (shift, shrink))
+            return
+    elif bent > CORNER:  # a corner on the map is an arc on the ground, and shorter
         at += math.copysign(CORNER_RADIUS * (2.0 * math.tan(0.5 * bent) - bent), to.odometer)
         segment, cx, cy, nx, ny = locate(roads, edge, segment, at)
-    corner = corner_variance(bent)
+    corner = 0.0 if free else corner_variance(bent)
     variance += corner
     mean = hyp.mu
     cov = hyp.cov
@@ -179,6 +181,39 @@ def _move_to(
 
 
 @kernel(inline=True)
+def _move_on(
+    belief: Belief, ctx: Context, i: int, to: Advance, noise: Noise,
+    truncated: tuple[float, float],
+) -> None:  # fmt: skip
+    """Move hypothesis i by its heading where its road turns a corner, and find it on its edge.
+
+    Args:
+        belief: Its covariance holds what the heading does.
+        ctx: The drive's constants.
+        i: The hypothesis.
+        to: Where it comes to lie.
+        noise: Process noise.
+        truncated: Shift of its abscissa, m, and share of the variance that is left.
+    """
+    hyp = belief.hyp[i]
+    state = belief.state[0]
+    mean, cov = hyp.mu, hyp.cov
+    tx, ty = to.tx, to.ty
+    way = weave(hyp.mu, (tx, ty), to.odometer)
+    mean[X] += state.scale * (way.ahead * tx - way.aside * ty)
+    mean[Y] += state.scale * (way.ahead * ty + way.aside * tx)
+    metres = to.odometer * mean[K]
+    _wobble(hyp, state, to.odometer, 0.0, (tx, ty))
+    predict_road(cov, to.odometer, 0.0, tx, ty, noise)
+    add_across(cov, ACROSS * abs(metres), tx, ty)
+    if truncated[1] < 0.9999:
+        reshape_on_map(mean, cov, tx, ty, truncated[0], truncated[1], state.scale)
+    track(belief, ctx.roads, i)
+    hyp.stood = 0.0
+    state.about_road[1] += hyp.weight * _about_road(ctx, hyp.edge, hyp.segment, hyp.along)
+
+
+@kernel(inline=True)
 def _pass_beyond(
     belief: Belief, path: Path, ctx: Context, i: int, share: float, to: Advance, noise: Noise
 ) -> None:
@@ -190,7 +225,8 @@ def _pass_beyond(
     for row in range(first, belief.state[0].count):
         child = belief.hyp[row]
         if child.edge != OFF_ROAD:
-            beside = to.lateral + child.mu[D] - hyp.mu[D]
+            moved = 0.0 if belief.state[0].weaves == 1 else child.mu[D] - hyp.mu[D]
+            beside = to.lateral + moved
             ahead = Advance(
                 to.odometer, to.s - child.scratch[OFFSET], to.sigma, beside, to.tx, to.ty, 0.0
             )
@@ -209,7 +245,17 @@ def _move_straight(belief: Belief, odometer: float, noise: Noise) -> None:
         if hyp.edge == OFF_ROAD:
             own = own_arc(hyp, odometer)
             move = Increment(own, 0.0, own, 0.0, own)
-            predict_plane(hyp.mu, hyp.cov, move, belief.state[0].scale, noise)
+            q = as_on_roads(belief.state[0], noise, abs(own * hyp.mu[K]))
+            predict_plane(hyp.mu, hyp.cov, move, belief.state[0].scale, q)
+
+
+@kernel
+def _place_ahead(state: Record, hyp: Record, own: float) -> tuple[float, float]:
+    """Abscissa of a tracked hypothesis behind an increment, and its offset from the road, m."""
+    if state.weaves == 0:
+        return hyp.along + own * hyp.mu[K], float(hyp.lateral)
+    way = weave(hyp.mu, (hyp.tangent[0], hyp.tangent[1]), own)
+    return hyp.along + way.ahead, hyp.lateral - way.aside
 
 
 @kernel
@@ -262,16 +308,16 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         Whether anything branched.
     """
     changed = False
-    _renew_about_road(belief.state[0], ctx.par[0], odometer)
+    renew_about_road(belief, ctx.par[0], odometer)
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
             continue
         track(belief, ctx.roads, i)
-        lateral, tx, ty = hyp.lateral, hyp.tangent[0], hyp.tangent[1]
+        tx, ty = hyp.tangent[0], hyp.tangent[1]
         begin, edge, lane = hyp.along, hyp.edge, hyp.mu[D]
         own = own_arc(hyp, odometer)
-        s = begin + own * hyp.mu[K]
+        s, lateral = _place_ahead(belief.state[0], hyp, own)
         sigma = _sigma_ahead(hyp, own, noise.along)
         hyp.bound = min(s + (hyp.bound - begin) * sigma / hyp.along_sigma, NO_BOUND)
         hyp.along_sigma = sigma
@@ -283,7 +329,7 @@ def advance_along(belief: Belief, path: Path, ctx: Context, odometer: float, noi
         if hyp.edge != edge:
             changed = True
             begin = 0.0
-            lateral += hyp.mu[D] - lane
+            lateral += 0.0 if belief.state[0].weaves == 1 else hyp.mu[D] - lane
         length = ctx.roads.edges[hyp.edge].length
         hyp.along = s
         hyp.p_not_passed = now = p_within(hyp)

@@ -54,8 +54,7 @@ WRONG, BIASED = 1, 2  # what a hypothesis that has driven on regardless of a fix
 WAIT, START, PLANE, ROAD, STAND, ROUTES = range(6)
 
 BESIDE_SIGMA = 20.0  # m, off the roads: sigma of the offset from a road that runs beside
-RARE = 0.01  # prior of a turn below which its hypotheses get lower floors for a while:
-RARE_FLOOR, GRACE = 1e-3, 60.0  # relative to the usual ones; for so many m
+RARE, RARE_FLOOR, GRACE = 0.01, 1e-3, 60.0  # prior of a rare turn; its floors, for so many m
 NO_BOUND = 1e9  # m, of a hypothesis that has passed nothing on
 
 CAPACITY, KEPT = 160, 48  # hypotheses, children of one epoch included; that survive it
@@ -115,6 +114,7 @@ FILTER = np.dtype(
         ("map", MAP_ERROR),  # as learnt (filter.map_error)
         ("driver", DRIVER),  # as learnt (filter.sparse.driver)
         ("started", "u1"),
+        ("weaves", "u1"),  # 1: vehicles move by their headings (weaving)
         ("hindsight", "u1"),  # 1: of a smoothed step
         ("motion", "u1"),  # how this epoch's motion is predicted: WAIT ... ROUTES
         ("changed", "u1"),  # 1: weights or edges changed in this epoch

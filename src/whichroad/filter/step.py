@@ -66,6 +66,7 @@ from .summary.estimate import Output, describe
 from .summary.waiting import wait
 from .vetting.motion_sources import AHEAD
 from .vetting.windows import BY_GYRO, HEARD_AGAIN, is_alone
+from .weaving import note_motion_along
 
 _EXCHANGE, _TURN_TIME = 25.0, 0.25  # m between exchanges with off the roads; s, of the turn rate
 _STILL = 0.3  # m by the odometer since the last fix, up to which the vehicle stands
@@ -191,7 +192,7 @@ def _predict(
     state = belief.state[0]
     mode = state.mode
     heard = state.motion != ROUTES and epoch.time - state.course_time < _COURSE_KEPT
-    state.knows_heading = mode == WHEELS or heard
+    state.knows_heading, state.weaves = mode == WHEELS or heard, 0
     if ctx.par[0].paper:
         paper.predict(belief, ctx, epoch, dt)
         return
@@ -218,9 +219,7 @@ def _predict(
         unseen = epoch.time - state.reports.speed[1] > _SPEED_KEPT
         q = blind_noise(ctx.par[0], odometer, metres, mode, unseen, heard)
         q = driven_off(state.still, history.since[0], _noise(state, epoch, q, metres, 0.0, dt))
-        if len(history.steps) > 0:
-            history.since[0].drawn |= 1 - state.knows_heading
-            accumulate_noise(history, Increment(odometer, 0.0, odometer, 0.0, odometer), q)
+        note_motion_along(history, state, odometer, q, metres)
         turned = epoch.odometry_valid != AHEAD and turn_round(belief, ctx, dt)  # none predicted
         changed = advance_along(belief, path, ctx, odometer, q) or turned
         if (mode == CLOCK and forward_only(belief, ctx)) or changed:

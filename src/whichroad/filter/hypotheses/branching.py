@@ -30,6 +30,7 @@ from ..state import (
     WHEELS,
     Belief,
     Context,
+    D,
     H,
     Path,
     X,
@@ -50,6 +51,7 @@ from .successors import REACH, p_drives_on, successors
 BRANCH_THRESHOLD = 1e-3  # P(past an edge's end) from which on a hypothesis branches
 _WHOLE = 6.0  # sigma
 _MOSTLY = 0.5  # share of a hypothesis beyond the end that branches, however light it is
+_TENTH = 0.1  # and where fixes are so frequent that it passes by decimetres
 OFFSET = 0  # scratch of a child: abscissa of its edge's start, from the parent's, m
 _LEAST_CHILD = 0.1  # of the pruning floor: least weight of a child, with wheels
 
@@ -85,8 +87,10 @@ def take_lane(belief: Belief, ctx: Context, i: int, before: int, turn: float) ->
     """Redraw the lane of hypothesis i, which has just left an edge with a turn."""
     hyp = belief.hyp[i]
     old, new, sigma = lane_mean(ctx, before), lane_mean(ctx, hyp.edge), lane_sigma(ctx, hyp.edge)
-    if belief.state[0].mode == WHEELS:
+    if belief.state[0].mode == WHEELS or belief.state[0].weaves == 1:
         redraw_lane(hyp.mu, hyp.cov, turn, old, new, sigma)
+        if belief.state[0].mode != WHEELS:
+            hyp.cov[D, D] += (new - old) ** 2
         return
     x = hyp.mu[X] + belief.state[0].scale * hyp.mu[MX]
     y = hyp.mu[Y] + belief.state[0].scale * hyp.mu[MY]
@@ -106,7 +110,8 @@ def share_beyond(belief: Belief, ctx: Context, hyp: Record, now: float, threshol
     share = 1.0 - min(1.0, now / max(hyp.p_not_passed, 1e-6))
     p = hyp.weight
     enough = share * p >= floor_of(hyp, LEAST_SHARE * ctx.par[0].prune)
-    enough = enough and share >= min(threshold / p, _MOSTLY)
+    least = _TENTH if belief.state[0].weaves == 1 else min(threshold / p, _MOSTLY)
+    enough = enough and share >= least
     return share if enough and belief.state[0].count < CAPACITY else 0.0
 
 
@@ -190,7 +195,7 @@ def _pass_end(belief: Belief, path: Path, ctx: Context, i: int, share: float) ->
                 shrink = variance / (sigma * sigma)
                 reshape_on_map(child.mu, child.cov, tx, ty, at - s, shrink, belief.state[0].scale)
             track(belief, ctx.roads, row)
-            if not belief.state[0].knows_heading:  # it is the road's
+            if not (belief.state[0].knows_heading or belief.state[0].weaves == 1):  # the road's
                 child.mu[H] = math.atan2(child.tangent[1], child.tangent[0])
             if belief.state[0].mode == WHEELS:
                 left = length - (s - child.scratch[OFFSET])

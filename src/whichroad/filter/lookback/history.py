@@ -39,7 +39,7 @@ MOTION = np.dtype(
         ("gnss_aged", "f8"),  # time by which the GNSS bias has decayed, s
         ("plane_noise", "f8", (15,)),  # Q of X, Y, H, K, B in the frame of the step before
         ("road_noise", "f8", (3,)),  # Q along a road: of the abscissa, with κ, of κ
-        ("drawn", "u1"),  # 1: the heading varied about the road's
+        ("drawn", "u1"),  # 1: the heading varied about the road's; 2: and moved the vehicle
         ("mode", "u1"),  # what moved the vehicle: WHEELS, DISTANCE or CLOCK
         ("switched", "u1"),  # 1: something else did before
         ("jumped", "u1"),  # 1: by a sparse transition, whose route gives a new position

@@ -44,6 +44,7 @@ from ..state import (
     lane_mean,
     lane_sigma,
 )
+from ..weaving import add_weaving
 from .history import History
 from .link_road import (
     Advance,
@@ -53,6 +54,7 @@ from .link_road import (
     move_on_road,
     move_with_lane,
     skipped_along,
+    weave_on_road,
     wobble,
 )
 from .packed_noise import unpack_noise
@@ -225,6 +227,9 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
         return False
     distance = odometer * mean[K]
     advance = Advance(then.edge, then.segment, edge, skipped, distance, odometer)
+    if motion.drawn == 2:
+        _weave(model, history, ctx, link, advance)
+        return True
     bent = move_on_road(model, ctx.roads, advance, True)
     along = motion.road_noise[0] + corner_variance(bent)
     across, usual = ACROSS * abs(distance), par.edge_heading_sigma**2
@@ -236,6 +241,22 @@ def _move(model: Record, history: History, path: Path, ctx: Context, link: Link)
     elif not motion.drawn:
         keep_heading(model, history, ctx.roads, link)
     return True
+
+
+@kernel(inline=True)
+def _weave(model: Record, history: History, ctx: Context, link: Link, advance: Advance) -> None:
+    """Moved by the heading between fine and frequent fixes; the lane moves nobody."""
+    motion = history.steps[link.step].motion
+    variance = history.steps[link.step].about_road
+    weave_on_road(model, ctx.roads, advance)
+    noise = motion.road_noise
+    across = ACROSS * abs(advance.distance)
+    add_road_noise(model, Noise(noise[0], across, 0.0, noise[2], 0.0, noise[1]))
+    tangent = math.cos(model.mu[H]), math.sin(model.mu[H])
+    add_weaving(model.cov, tangent, advance.distance, variance)
+    wobble(model, advance, 0.0, variance)
+    if advance.then_edge != advance.edge:
+        model.q[D] += (lane_mean(ctx, advance.edge) - lane_mean(ctx, advance.then_edge)) ** 2
 
 
 @kernel(inline=True)

@@ -12,6 +12,7 @@ from ...graph.network import Roads
 from ..along import CORNER, CORNER_RADIUS, keep_about
 from ..motion import Noise, rate_of_turn
 from ..state import MX, MY, OFF_ROAD, D, H, K, Path, X, Y
+from ..weaving import derivatives, weave
 from .history import History
 
 _ENTRIES = 256  # of the path tree between two steps, at most
@@ -137,6 +138,42 @@ def move_with_lane(model: Record, kept: float, lanes: tuple[float, float, float]
     model.cov[X, Y] += variance * nx * ny
     model.cov[X, D] += variance * nx
     model.cov[Y, D] += variance * ny
+
+
+@kernel(inline=True)
+def weave_on_road(model: Record, roads: Roads, advance: Advance) -> None:
+    """Moved by the heading, as `along.advance_along` does where fixes are fine and frequent.
+
+    Args:
+        model: F and the mean are set; Q is left alone.
+        roads: The network.
+        advance: The displacement.
+    """
+    mean, scale, f = model.then_mean, model.scale, model.f
+    qx, qy = mean[X] + scale * mean[MX], mean[Y] + scale * mean[MY]
+    _, _, _, tx, ty = project(roads, advance.then_edge, advance.then_segment, qx, qy)
+    way = weave(mean, (tx, ty), advance.odometer)
+    x, y, u, v = derivatives(way, (tx, ty), advance.odometer)
+    ahead = Advance(
+        advance.then_edge, advance.then_segment, advance.edge, advance.skipped, way.ahead,
+        advance.odometer,
+    )  # fmt: skip
+    bent = move_on_road(model, roads, ahead, False)
+    if bent > CORNER:  # straight on, whichever edge it comes to be on
+        model.mu[X] = mean[X] + scale * (way.ahead * tx - way.aside * ty)
+        model.mu[Y] = mean[Y] + scale * (way.ahead * ty + way.aside * tx)
+        model.mu[H] = math.atan2(ty, tx)
+        f[X, X] = f[Y, Y] = 1.0
+        f[X, Y] = f[Y, X] = f[X, MX] = f[X, MY] = f[Y, MX] = f[Y, MY] = 0.0
+        f[X, K], f[Y, K] = tx * advance.odometer, ty * advance.odometer
+    c, s = f[X, X], f[Y, X]
+    nx, ny = math.cos(model.mu[H]), math.sin(model.mu[H])
+    if bent <= CORNER:
+        model.mu[X] -= scale * way.aside * ny
+        model.mu[Y] += scale * way.aside * nx
+    f[X, H], f[Y, H] = c * x - s * y, s * x + c * y
+    f[X, K] += c * u - s * v
+    f[Y, K] += s * u + c * v
 
 
 @kernel
