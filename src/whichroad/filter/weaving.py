@@ -15,10 +15,11 @@ from ._simd import add_times
 from .gnss.bias import is_fine
 from .lookback.history import History, accumulate_noise
 from .motion import Increment, Noise
-from .state import OFF_ROAD, WHEELS, Belief, H, K, N, X, Y
+from .state import DISTANCE, OFF_ROAD, WHEELS, Belief, H, K, N, X, Y
 
 WOBBLE = 5.0  # m, over which a heading about the road's lasts
 _LIGHT = 1e-3  # weight on roads below which headings are the usual ones
+_YOUNG = 30.0  # s of fixes, before which they may be late beside an odometer
 _OFTEN = 3.0  # m between fixes, up to which they show how a vehicle weaves
 
 
@@ -41,9 +42,11 @@ def is_seen_weaving(state: Record, metres: float) -> bool:
     """
     if state.mode == WHEELS or state.knows_heading == 1 or not is_fine(state):
         return False
+    if state.mode == DISTANCE and state.learnt_time < _YOUNG:
+        return False
     usual = abs(state.speed) * state.fix_interval
     return bool(
-        0.0 < state.fix_interval and usual < _OFTEN and state.since_fix + metres < 2.0 * _OFTEN
+        state.fix_interval > 0.0 and usual < _OFTEN and state.since_fix + metres < 2.0 * _OFTEN
     )
 
 
