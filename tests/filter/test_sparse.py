@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from scenes import (
     column,
+    context,
     grid_town,
     living,
     localize,
@@ -235,7 +236,7 @@ def test_who_stands_is_placed_before_a_junction_once():
     for driven in (0.0, 1e6):
         best.travel_variance = driven
         before = float(best.log_weight)
-        truncate_to_edges(belief, roads)
+        truncate_to_edges(belief, context(roads))
         changed.append(best.log_weight - before)
     assert abs(changed[0]) < 0.1
     assert changed[1] > 0.4

@@ -102,6 +102,10 @@ UNMAPPED = np.dtype(  # fixes that lie beside the road, see `filter.unmapped`
         ("at", "f8", (2,)),  # their place, m, plane,
         ("sigma", "f8"),  # and its sigma as reported, m
         ("road", "f8", (2,)),  # the place on the road, where they err and the map does not
+        ("haste", "f8", (2,)),  # how far speeds are too high for roads, and lately were, 0 to 1
+        ("hasty", "f8"),  # P(the vehicle is on another road), as they are: filter.haste
+        ("pace", "f8"),  # m/s, low-pass filtered,
+        ("paced_at", "f8"),  # and the time of its last change, s
     ],
     align=True,
 )

@@ -21,6 +21,7 @@ from ..graph.geometry import (
 from ..graph.network import Roads, is_at_node, parts
 from .beside import gain_beside, update_beside
 from .gaussian import LOG_2PI, update, update_across, update_state
+from .haste import weigh_haste
 from .one_course import ROWS, weigh_rows
 from .slow_states import decay_map, map_decay
 from .state import MX, MY, OFF_ROAD, START, Belief, Context, D, H, N, X, Y, lane_mean, lane_sigma
@@ -83,6 +84,13 @@ def map_is_due(state: Record, ctx: Context) -> bool:
     return bool(state.since_map >= par.map_spacing)
 
 
+@kernel
+def observe_roads(belief: Belief, ctx: Context, with_heading: bool) -> None:
+    """Observe the map, and whether its roads are driven at the vehicle's speed."""
+    weigh_haste(belief, ctx, float(belief.state[0].since_map))
+    observe_map(belief, ctx, with_heading)
+
+
 @entry
 def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
     """Condition every hypothesis on its road (the paper's Y_carto), without an along row.
@@ -93,7 +101,8 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
     The paper's row along the road is left out: its innovation is zero by construction
     and would only make the filter falsely sure.  An off-road vehicle sees the rows through
     its own free offset, which fits as a road does on average, and pays for fitting by
-    distance.
+    distance.  Where speeds are too high for the roads (`haste`) it follows another one beside
+    them, which fits as well and pays nothing.
 
     Args:
         belief: In place; weights are to be normalised afterwards.
@@ -103,7 +112,7 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
     metres = belief.state[0].since_map
     noise = _road_noise(belief, ctx, metres, with_heading)
     rows = 2.0 if with_heading else 1.0
-    log_s = across = 0.0
+    log_s = across = better = 0.0
     for i in range(belief.state[0].count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
@@ -112,12 +121,15 @@ def observe_map(belief: Belief, ctx: Context, with_heading: bool) -> None:
         log_variance = math.log(s)
         log_s += hyp.weight * log_variance
         across += hyp.weight * fit
+        better += hyp.weight * (rows - misfit)
         hyp.scratch[ROWS] = -0.5 * (misfit + log_variance + rows * LOG_2PI)
     weigh_rows(belief, ctx)
     cost = ctx.par[0].off_road_cost * metres * followed(belief.state[0])
     variances = noise.lateral, noise.heading
     if noise.on_road > 0.0:
         usual = -0.5 * (rows * (1.0 + LOG_2PI) + log_s / noise.on_road)
+        haste = belief.state[0].separation.unmapped.haste
+        usual += 0.5 * haste[0] * max(better / noise.on_road, 0.0)
         for i in range(belief.state[0].count):
             hyp = belief.hyp[i]
             if hyp.edge == OFF_ROAD:

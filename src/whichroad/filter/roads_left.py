@@ -9,6 +9,7 @@ import math
 from .._compile import Record, kernel
 from .gnss.separation import cover_place
 from .gnss.sides import weight_off_roads
+from .haste import watch_haste
 from .sparse.dropped import forget_dropped
 from .state import CLOCK, ROUTES, Belief, Context, X, Y, most_probable
 from .unmapped import watch_fixes
@@ -29,6 +30,7 @@ def watch_roads(belief: Belief, ctx: Context) -> None:
     """
     if belief.state[0].changed == 1 and not ctx.par[0].paper:
         watch_fixes(belief, ctx)
+        watch_haste(belief, ctx)
     if belief.state[0].observed == 1 and belief.state[0].motion != ROUTES:
         forget_dropped(belief, ctx)
     _count_way(belief, ctx)

@@ -37,7 +37,7 @@ from .motion import (
     predict_plane,
     wheel_noise,
 )
-from .road import map_is_due, observe_map
+from .road import map_is_due, observe_roads
 from .roads_left import watch_roads
 from .silent_wheels import roam
 from .sparse.candidates import learn_driver
@@ -321,7 +321,7 @@ def _branch(belief: Belief, path: Path, ctx: Context, epoch: Record) -> None:
     if ctx.par[0].paper or state.motion == START:  # candidates are drawn anew
         return
     if state.motion == ROUTES:
-        truncate_to_edges(belief, ctx.roads)
+        truncate_to_edges(belief, ctx)
         forward_only(belief, ctx)
         state.since_map = 0.0
     if state.changed:
@@ -347,7 +347,7 @@ def _observe_map(belief: Belief, history: History, ctx: Context) -> None:
     if state.motion != START:
         _exchange(belief, ctx)
     history.since[0].map_aged += state.since_map
-    observe_map(belief, ctx, state.knows_heading == 1)
+    observe_roads(belief, ctx, state.knows_heading == 1)
     learn_map(belief, ctx)
     state.since_map = state.dragged[0] = state.dragged[1] = 0.0
     state.changed = 1

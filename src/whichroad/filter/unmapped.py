@@ -97,10 +97,13 @@ def _likelier(beside: Record) -> float:
 def followed(state: Record) -> float:
     """Share of the cost of following a road by chance: 1, and −1 where fixes lie far beside it.
 
-    Then who is on the road follows fixes by chance, and pays for that.
+    Then who is on the road follows fixes by chance, and pays for that.  It is 0 where the roads
+    are no place for the vehicle's speed: it follows another one then.
     """
-    p = _likelier(state.separation.unmapped)
-    return 1.0 - 2.0 * p if state.mode != WHEELS and p > _LEAST else 1.0
+    beside = state.separation.unmapped
+    p = _likelier(beside)
+    share = 1.0 - 2.0 * p if state.mode != WHEELS and p > _LEAST else 1.0
+    return min(share, 1.0 - float(beside.haste[0]))
 
 
 @kernel

@@ -9,6 +9,7 @@ from ...graph.index import near, share_beyond, vertex_at
 from ...graph.network import AGAINST_ONE_WAY, NO_ACCESS
 from ..beside import STARTS, p_apart
 from ..gaussian import normal_cdf
+from ..haste import p_returns
 from ..map_error import map_variance
 from ..state import (
     CAPACITY,
@@ -279,6 +280,7 @@ def _return_to_roads(belief: Belief, ctx: Context, i: int, share: float) -> None
             part *= max(ctx.par[0].wrong_way, 1e-6)
         segment = vertex_at(ctx.roads, edge, ctx.work.near[c].s)
         part *= 1.0 - p_apart(belief, ctx, i, edge, segment)
+        part *= p_returns(belief.state[0], float(ctx.roads.edges[edge].speed))
         if part * p < 1e-6:
             continue
         given += part

@@ -157,6 +157,7 @@ def _merge_into(belief: Belief, i: int, j: int) -> None:
     a.p_not_passed = share * a.p_not_passed + (1.0 - share) * b.p_not_passed
     a.bound = min(a.bound, b.bound)
     a.freed = share * a.freed + (1.0 - share) * b.freed
+    a.leg.haste = share * a.leg.haste + (1.0 - share) * b.leg.haste
     if state.mode != WHEELS and a.bound < NO_BOUND:
         _note_rest(a, b, share)
     a.beside[0] = merged_odds(a.beside[0], b.beside[0], share)

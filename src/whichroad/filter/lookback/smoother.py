@@ -65,7 +65,7 @@ def new_buffers() -> SmootherBuffers:
 def begin(buffers: SmootherBuffers, history: History, step: int, slot: int) -> None:
     """Fill a slot with a step as filtered, the last one that is known."""
     separation = buffers.belief.state[0].separation
-    separation.unmapped.p = separation.dropped.p = 0.0
+    separation.unmapped.p = separation.unmapped.hasty = separation.dropped.p = 0.0
     first = history.steps[step].first_node
     for i in range(history.steps[step].end_node - first):
         node = buffers.nodes[slot, i]

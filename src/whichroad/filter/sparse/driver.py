@@ -32,6 +32,7 @@ LEG = np.dtype(
         ("variance", "f8"),  # of the place at its start, m²
         ("pace", "f8"),  # of the vehicle's way so far, speed over the usual one; 0: as the drive's
         ("known", "f8"),  # information on it
+        ("haste", "f8"),  # what its speed has said against its roads, nats, >= 0: filter.haste
     ],
     align=True,
 )
@@ -69,7 +70,7 @@ def likely_excess(dt: float) -> float:
 @kernel
 def begin_leg(leg: Record) -> None:
     """There is none, and the pace is that of the drive."""
-    leg.pace = leg.known = 0.0
+    leg.pace = leg.known = leg.haste = 0.0
     forget_leg(leg)
 
 

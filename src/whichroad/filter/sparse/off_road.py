@@ -169,6 +169,7 @@ def exchange_off_road(
     chance = 0.0
     if fix.found > 0 and ctx.work.near[0].distance < 2.0 * fix.sigma:
         chance = min(_BY_CHANCE, par.off_road_cost * metres)
+        chance *= 1.0 - belief.state[0].separation.unmapped.haste[0]
     share = min(_LEAVE * par.off_road_leave * (metres + 10.0), _MOST_LEAVE)
     share = max(share, fix.beyond)  # stands for those on roads that are not followed
     leaves = belief.hyp[top].log_weight + math.log(max(share, 1e-300)) - _FAR_ABOVE

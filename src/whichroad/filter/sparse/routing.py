@@ -11,6 +11,7 @@ from ..._compile import kernel
 from ...graph.network import Roads
 from ...graph.route_search import set_goals
 from ..gaussian import normal_cdf, reshape_on_map, truncated_moments
+from ..haste import weigh_legs
 from ..hypotheses.branching import own_all
 from ..lookback.history import History
 from ..records import Epoch
@@ -244,14 +245,15 @@ def is_junction(roads: Roads, edge: int) -> bool:
 
 
 @kernel(inline=True)
-def truncate_to_edges(belief: Belief, roads: Roads) -> None:
+def truncate_to_edges(belief: Belief, ctx: Context) -> None:
     """After a sparse fix: truncate each Gaussian to its edge, with the queue prior.
 
     The weight is multiplied by the mass on the edge, and the Gaussian gets the moments there.
     A hypothesis that stood since the last fix got the queue prior then.  One that ignores the
-    fix takes the next one as it comes.
+    fix takes the next one as it comes.  Then routes are weighed by their speeds.
     """
     state = belief.state[0]
+    roads = ctx.roads
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.edge == OFF_ROAD:
@@ -273,3 +275,4 @@ def truncate_to_edges(belief: Belief, roads: Roads) -> None:
             reshape_on_map(hyp.mu, hyp.cov, tx, ty, mean - s, shrink, state.scale)
             track(belief, roads, i)
         own_all(hyp, length)
+    weigh_legs(belief, ctx)

@@ -212,7 +212,8 @@ def _unknown(state: Record, out: Record, least: float) -> float:
     dropped = state.separation.dropped
     _reach(out, reach_of(dropped, least))
     _add_variance(out, dropped.p * dropped.sigma**2)
-    left = max(p_turned_wrong(state), state.separation.unmapped.p, dropped.p)
+    unmapped = max(state.separation.unmapped.p, state.separation.unmapped.hasty)
+    left = max(p_turned_wrong(state), unmapped, dropped.p)
     left = max(left, min(other_way, 1.0 - other_way))
     return float(max(least, state.elsewhere[0], lost, departed, left))
 
