@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import whichroad
+from laws.public import degrees, road_map
 from whichroad.diagnosis.off_roads import off_road_findings
 from whichroad.filter.records import new_epochs
 from whichroad.filter.summary.estimate import ESTIMATE
@@ -15,7 +16,7 @@ from whichroad.simulate import simulate_drive
 
 LAT, METRE = 49.4, 1.0 / 111_195.0
 EAST = METRE / np.cos(np.radians(LAT))  # degrees of longitude a metre
-NAMES = ("off roads", "no motor vehicle")
+NAMES = ("off roads", "no motor vehicle", "too fast for its roads")
 
 
 def driven(roads: whichroad.RoadMap, seed: int, length: float = 4000.0) -> pd.DataFrame:
@@ -138,3 +139,35 @@ def test_strips_of_a_field_tell_of_no_shift(town, seed):
         "lon": middle.lon + (60.0 + c * x - s * y) * EAST,
     })  # fmt: skip
     assert not [note for note in said(frame, town) if "are moved by" in note]
+
+
+def test_a_plane_is_named(town):
+    middle, s = driven(town, 3)[["lat", "lon"]].mean(), np.arange(-4500.0, 4500.0, 75.0)
+    frame = pd.DataFrame({
+        "time": 1.7e9 + np.arange(len(s)),
+        "lat": middle.lat + 0.6 * s * METRE,
+        "lon": middle.lon + 0.8 * s * EAST,
+    })  # fmt: skip
+    (note,) = said(frame, town)
+    assert note.startswith(
+        "no motor vehicle: it moves as a plane or a fast train, and off the road"
+    )
+
+
+def test_one_jump_makes_no_plane(town):
+    frame = driven(town, 3)
+    frame.loc[100:119, "lat"] += 2000.0 * METRE
+    assert said(frame, town) == []
+
+
+@pytest.mark.parametrize(("kmh", "named"), [(90.0, True), (45.0, False)])
+def test_a_trip_that_is_too_fast_for_its_streets_is_named(kmh: float, named: bool):
+    """Beside streets of 30 km/h, and off the roads where these end, as on a railway line."""
+    pieces = [(0.0, 1500.0), (2000.0, 3500.0)]
+    roads = road_map(
+        [[[a, 0.0], [b, 0.0]] for a, b in pieces], highway=["residential"] * 2, maxspeed=[30] * 2
+    )
+    x = np.arange(0.0, 3500.0, kmh / 3.6)
+    lon, lat = degrees(x, np.full(len(x), -9.0))
+    notes = said(pd.DataFrame({"time": 1.78e9 + np.arange(len(x)), "lat": lat, "lon": lon}), roads)
+    assert [note.split(":")[0] for note in notes] == ["too fast for its roads"] * named

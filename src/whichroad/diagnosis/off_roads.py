@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._compile import Records
+from ..filter.haste import too_fast_from
 from ..graph.network import Roads
 from ..observations import Array
 from .common_shift import CAP, fit_to_roads
@@ -12,7 +13,9 @@ from .finding import Finding
 
 _LOOKED_AT = 0.03  # mean P off the roads, from which on a drive is looked at
 _WINDOW = 10.0  # s, over which motion is told by fixes
-_STANDS, _FASTEST = 0.7, 60.0  # m/s, between which fixes tell of motion
+_STANDS, _FASTEST = 0.7, 60.0  # m/s, between which fixes tell of a motor vehicle's motion
+_JUMPS = 1.5  # times the usual speed, beyond which a faster one is a wrong fix
+_ON, _FAST_WAY, _FAST = 0.1, 500.0, 0.5  # P off a road that counts; m and share driven too fast
 _WAY = 1500.0  # m, below which a drive says too little
 _SHIFTED, _OFF = 0.05, 0.5  # shares of the way off the roads, at which places may be moved; are off
 _AWAY = 10.0  # m from roads on average, above which places are beside them
@@ -44,13 +47,14 @@ def off_road_findings(
     told = {}
     for drive in np.flatnonzero(mean > _LOOKED_AT).tolist():
         own = slice(first[drive], first[drive + 1])
-        if finding := _of_drive(epochs[own].view(np.ndarray), off[own], roads):
+        edge = rows.view(np.ndarray)["edge"][own]
+        if finding := _of_drive(epochs[own].view(np.ndarray), off[own], edge, roads):
             told[drive] = finding
     return told
 
 
-def _of_drive(epochs: Records, off: Array, roads: Roads) -> Finding | None:
-    """What is said of one drive."""
+def _of_drive(epochs: Records, off: Array, edge: Array, roads: Roads) -> Finding | None:
+    """What is said of one drive: its P off the roads, and the most probable edge of each epoch."""
     at = np.flatnonzero((epochs["has_fix"] > 0) & (epochs["filled"] == 0))
     if len(at) < 2:
         return None
@@ -58,12 +62,14 @@ def _of_drive(epochs: Records, off: Array, roads: Roads) -> Finding | None:
     at = at[np.diff(np.floor((time - time[0]) / _WINDOW), prepend=-1.0) > 0.0]
     time, x, y = epochs["time"][at], epochs["fix"][at, 0], epochs["fix"][at, 1]
     lasted, way = np.diff(time), np.hypot(np.diff(x), np.diff(y))
-    moves = (way > _STANDS * lasted) & (way < _FASTEST * lasted)
-    lasted, way = lasted[moves], way[moves]
+    moves = way > _STANDS * lasted
+    usual = float(np.median(way[moves] / lasted[moves])) if moves.any() else 0.0
+    moves &= way < max(_FASTEST, _JUMPS * usual) * lasted
+    lasted, way, at = lasted[moves], way[moves], at[1:][moves]
     driven = float(way.sum())
     if driven < _SLOW_WAY:
         return None
-    share = float((off[at[1:]][moves] @ way) / driven)
+    share = float((off[at] @ way) / driven)
     pace, fast = np.quantile(way / lasted, (0.5, 0.95)).tolist()
     slow = lasted.sum() > _SLOW_TIME
     if slow and pace < _FOOT and fast < _FOOT_FAST and share > _FOOT_OFF:
@@ -78,7 +84,45 @@ def _of_drive(epochs: Records, off: Array, roads: Roads) -> Finding | None:
         return None
     if shift is None and slow and fast < _BICYCLE_FAST and share > _BICYCLE_OFF:
         return _no_motor("a bicycle", fast, _BICYCLE_FAST)
+    if shift is None:
+        if share > _OFF and pace > _FASTEST:
+            return _flies(pace)
+        if share < _OFF:
+            return _too_fast(way, way / lasted, off[at], edge[at], roads)
     return _off_roads(share, shift) if shift is not None or share > _OFF else None
+
+
+def _too_fast(way: Array, speed: Array, off: Array, edge: Array, roads: Roads) -> Finding | None:
+    """What is said where most of the way on roads was driven at speeds that are not driven there.
+
+    Args:
+        way: (n,) m, of some seconds each.
+        speed: (n,) m/s.
+        off: (n,) P off the roads.
+        edge: (n,) the most probable edge.
+        roads: The map.
+    """
+    on = (off < _ON) & (edge >= 0)
+    named = float(way[on].sum())
+    limits = [too_fast_from(float(v)) for v in roads.edges.view(np.ndarray)["speed"][edge[on]]]
+    beyond = float(way[on][speed[on] > np.array(limits)].sum())
+    if beyond < _FAST_WAY or beyond < _FAST * named:
+        return None
+    return Finding(
+        "too fast for its roads", "warning", beyond / named, 0.0, _FAST,
+        "most of the way on roads was driven at speeds that nobody drives at there: is it a train, "
+        "or another vehicle that runs beside roads? else the map lacks its roads, or the limits "
+        "of the map are wrong, or in another unit",
+    )  # fmt: skip
+
+
+def _flies(pace: float) -> Finding:
+    """A trip in a plane or a fast train."""
+    return Finding(
+        "no motor vehicle", "warning", pace, 0.0, _FASTEST,
+        "it moves as a plane or a fast train, and off the roads; only motor vehicles are followed, "
+        "so that roads which it is said to be on are those that it passed",
+    )  # fmt: skip
 
 
 def _no_motor(who: str, pace: float, least: float) -> Finding:
@@ -97,7 +141,7 @@ def _off_roads(share: float, shift: tuple[float, float] | None) -> Finding:
         text = (
             "most of the way lies on no mapped road; is the map of this place, and are coordinates "
             "in WGS 84? another datum or reference system moves all places; else the map lacks "
-            "these roads, or this is no motor vehicle"
+            "these roads, or this is no motor vehicle, but a train or a boat"
         )
     else:
         east, north = shift
