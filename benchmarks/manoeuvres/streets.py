@@ -45,6 +45,6 @@ def draw_map(plan: Plan, random: np.random.Generator) -> Ground:
     ids = [k for k in range(len(plan.lines)) if k not in plan.missing]
     geometry = [shapely.LineString(plane.degrees(np.asarray(plan.lines[k]) + moved)) for k in ids]
     table = geopandas.GeoDataFrame({"id": ids}, geometry=geometry, crs="EPSG:4326")
-    roads = RoadMap.from_edges(table, directed=False)
+    roads = RoadMap.from_edges(table, directed=False, gap_m=0.0)  # scenes have gaps on purpose
     chains = chain_roads(roads.arrays.edges)
     return Ground(roads, chains, roads_of_codes(roads, chains, 2 * len(plan.lines)), plane)
