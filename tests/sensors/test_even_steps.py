@@ -67,6 +67,35 @@ def test_one_speed_tells_no_step():
     assert even_log(log) == (log, None)
 
 
+def test_speeds_that_are_constant_by_stretches_tell_no_step():
+    time = TODAY + np.arange(600.0)
+    speed = np.repeat([50.0, 30.0, 0.0, 70.0, 50.0, 30.0], 100) / 3.6
+    for noise in (0.0, 0.02, 0.05):
+        way = np.cumsum(speed) + np.random.default_rng(1).normal(0.0, noise, len(time))
+        log = Odometer(time, way)
+        assert even_log(log) == (log, None)
+
+
+@pytest.mark.parametrize("step", [0.5113, 1.0037, 5.0])
+def test_an_odd_reading_and_a_pause_do_not_change_the_step(step: float):
+    time, distance, way = read(step, 10)
+    distance = np.round(distance, 3)
+    distance[len(time) // 2] += 0.3 * step
+    heard = (time < time[0] + 60.0) | (time > time[0] + 75.0)
+    even, unsure = even_log(Odometer(time[heard], distance[heard]))
+    assert unsure is not None
+    assert np.std((even.distance - way[heard])[300:]) < 0.6 * step
+
+
+def test_a_reading_that_comes_twice_is_none():
+    time, distance, _ = read(5.0, 10)
+    once, twice = EvenSteps(), EvenSteps()
+    for row in zip(time.tolist(), distance.tolist(), strict=True):
+        told_once = once.even(Distance(*row)).distance
+        assert twice.even(Distance(*row)).distance == told_once
+        assert twice.even(Distance(*row)).distance == told_once
+
+
 @pytest.mark.parametrize("step", [0.2, 0.5, 5.0])
 def test_a_recording_that_begins_at_speed_is_not_behind(step: float):
     time = TODAY + np.arange(600) / 10.0

@@ -47,6 +47,8 @@ def creep(vetting: Record, reading: Record, dt: float) -> None:
         slow.seconds = slow.known_at = 0.0
         if reading.unsure > 0.0:
             slow.coarse = 1
+        elif reading.odometry_valid == 1 and reading.arc != 0.0:
+            slow.coarse = 0
         return
     begun = slow.seconds
     slow.seconds += dt

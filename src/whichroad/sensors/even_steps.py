@@ -2,9 +2,10 @@
 
 J1939's distance counts 5 m a bit, many a tachograph 0.5 m.  Read ten times a second it stands, and
 leaps by 50 m/s; read once it is off by half a step.  The step is learnt: all changes are multiples
-of it, and it is the greatest length of which that is so; a vehicle at one speed, whose changes are
-all the same, tells none.  From then on a vehicle that accelerates
-at random is filtered, and its Gaussian is truncated to the step that was read, at each reading:
+of it, and it is the greatest length of which that is so.  It is known after
+six changes by another number of steps than before: those of a vehicle at one speed are all the
+same.  From then on a vehicle that accelerates at random is filtered, and its Gaussian is truncated
+to the step that was read, at each reading:
 
     s ~ N(s + v Δt, F P Fᵀ + Q) on [D, D + step)
 
@@ -24,7 +25,9 @@ Reading = TypeVar("Reading", bound=Observation)
 
 _LEAST = 0.2  # m, of a step that is coarse
 _SAME = 0.02  # share of a step by which a change may be off its multiple
-_FEWEST, _PLENTY = 3, 8  # changes that tell it; the same, where each reading changed
+_PLENTY = 6  # changes by another number of steps than before, after which it is known
+_SURE, _LONG = 30, 20.0  # of these, after which it is sure; steps, more of which tell nothing then
+_ODD, _FORGET = 4.0, 0.98  # odd changes that tell another one then; each change forgets some
 _ACCELERATION = 1.5  # m²/s³, random walk of the speed
 _UNKNOWN = 10.0  # m/s, of a speed that nothing tells
 _LONGEST, _FASTEST = 5.0, 90.0  # s without a reading, and m/s, after which it begins anew
@@ -40,8 +43,8 @@ class EvenSteps:
 
     def __init__(self) -> None:
         self.unsure = 0.0  # m², of the way that was told last, beyond what is usual
-        self._length, self._changes, self._stood = math.inf, 0, 0  # m; stands between changes
-        self._several = self._still = False  # whether one was of several steps; whether it stands
+        self._length, self._changes = math.inf, 0  # m; of those that tell it
+        self._change, self._odd = 0.0, 0.0  # the last one, m; odd ones of late
         self._read: list[float] = []  # time and distance of the last reading
         self._told, self._pace, self._way = 0.0, 0.0, 1.0  # m, m/s as told; -1: backwards
         self._place, self._speed = 0.0, 0.0  # m, m/s
@@ -50,14 +53,12 @@ class EvenSteps:
     @property
     def step(self) -> float:
         """m; 0: it is fine, or not known."""
-        if self._length < _LEAST or not (self._several or self._stood >= _FEWEST):
-            return 0.0
-        return self._length if self._changes >= (_FEWEST if self._stood else _PLENTY) else 0.0
+        return self._length if self._changes >= _PLENTY and not self.fine else 0.0
 
     @property
     def fine(self) -> bool:
         """Whether it has none, whatever comes."""
-        return self._length < _LEAST
+        return self._length < (1.0 - _SAME) * _LEAST
 
     def even(self, reading: Reading) -> Reading:
         """The reading, with the place within its step.
@@ -76,32 +77,42 @@ class EvenSteps:
             return reading
         dt, change = reading.time - before[0], reading.distance - before[1]
         step = self.step
-        self._learn(change)
-        if not self.step or dt <= 0.0:
+        if dt > 0.0 or change != 0.0:  # what comes twice has not stood
+            self._learn(change)
+        if not self.step:
             return reading
         if self.step != step or dt > _LONGEST or abs(change) > _FASTEST * dt + step:
             self._begin(reading.distance)
             self.unsure = self.step**2 / 6.0
-        else:
+        elif dt > 0.0:
             self._move(dt, change, reading.distance)
         return replace(reading, distance=self._told)
 
     def _learn(self, change: float) -> None:
         """The greatest common measure of all changes."""
-        if change == 0.0:
-            self._still = self._changes > 0
+        before, self._change = self._change, change
+        same = abs(change - before) <= _SAME * _LEAST
+        if same or change == 0.0 or (self._changes >= _SURE and self._is_odd(change)):
             return
-        self._changes += 1
-        self._stood += self._still
-        self._still = False
         a, b = self._length, abs(change)
         if a == math.inf:
             a, b = b, 0.0
         b = abs(math.remainder(b, a))
         while b > max(_SAME * a, _SAME * _LEAST):
             a, b = b, abs(math.remainder(a, b))
-        self._several |= self._changes > 1 and max(abs(change), self._length) > 1.5 * a
         self._length = a
+        self._changes += round(abs(change) / a) != round(abs(before) / a)
+
+    def _is_odd(self, change: float) -> bool:
+        """Whether a change says nothing against a step that many have shown."""
+        step = self._length
+        if self.fine:
+            return False
+        if abs(change) > _LONG * step:  # what the step is off by adds up
+            return True
+        self._odd *= _FORGET
+        self._odd += abs(math.remainder(change, step)) > max(_SAME * step, _SAME * _LEAST)
+        return 0.0 < self._odd < _ODD
 
     def _begin(self, distance: float) -> None:
         """Nothing is known but the step."""
@@ -143,14 +154,14 @@ class EvenSteps:
 
     def kept(self) -> list[Any]:
         """All that is remembered, as numbers."""
-        known = [self._length, self._changes, self._stood, self._several, self._still]
+        known = [self._length, self._changes, self._change, self._odd]
         told = [self._told, self._pace, self._way]
         return [known, told, self._read, [self._place, self._speed, *self._cov]]
 
     def restore(self, kept: list[Any]) -> None:
         """Remember that and nothing else."""
         known, told, self._read, (self._place, self._speed, *self._cov) = kept
-        self._length, self._changes, self._stood, self._several, self._still = known
+        self._length, self._changes, self._change, self._odd = known
         self._told, self._pace, self._way = told
 
 
