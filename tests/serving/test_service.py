@@ -192,15 +192,17 @@ def test_what_is_too_slow_for_the_usual_lane_is_answered_by_the_large_one(town, 
     assert asyncio.run(asked()) == (200, 1, 1)
 
 
-def test_a_process_that_dies_is_replaced(base, drive, process):
-    def own():
-        found = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-        return [int(pid) for pid in found.read_text().split()]
-
+def signal_all(process, number):
+    """Send a signal to all processes that the service started."""
     if not Path("/proc/self/task").exists():
         pytest.skip("no list of processes here")
-    for pid in own():
-        os.kill(pid, signal.SIGKILL)
+    found = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
+    for pid in found.split():
+        os.kill(int(pid), number)
+
+
+def test_a_process_that_dies_is_replaced(base, drive, process):
+    signal_all(process, signal.SIGKILL)
     end = time.monotonic() + 300.0
     codes = []
     while time.monotonic() < end and codes[-3:] != [200] * 3:
@@ -225,23 +227,90 @@ def test_a_process_that_died_while_it_waited_costs_no_request(town, drive):
     assert asyncio.run(asked()) == (200, 1, 1)
 
 
-def test_nothing_is_answered_to_those_who_have_left(base, drive):
+def test_nothing_is_answered_to_those_who_have_left(base, drive, process):
+    """Its two processes stand still until twelve have asked and left."""
+
     def counts():
-        return httpx.get(base + "health").json()["usual"]
+        return httpx.get(base + "health", timeout=300).json()["usual"]
 
     host, port = base.removeprefix("http://").rstrip("/").split(":")
     path = address("/", [[*range(600)], *(column * 10 for column in drive[1:])])
     lines = f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
     before, callers = counts(), []
-    for _ in range(12):
-        callers.append(socket.create_connection((host, int(port))))
-        callers[-1].sendall(lines)
-    for caller in callers:
-        caller.close()
+    signal_all(process, signal.SIGSTOP)
+    try:
+        for _ in range(12):
+            callers.append(socket.create_connection((host, int(port))))
+            callers[-1].sendall(lines)
+        end = time.monotonic() + 60.0
+        while counts()["waiting"] < 10 and time.monotonic() < end:
+            time.sleep(0.01)
+        assert counts()["waiting"] == 10
+        for caller in callers:
+            caller.close()
+        counts()  # the service has read that they left
+    finally:
+        signal_all(process, signal.SIGCONT)
     assert httpx.get(address(base, drive), timeout=300).status_code == 200
     after = counts()
-    assert after["left"] - before["left"] >= 5
-    assert after["answered"] - before["answered"] <= 8
+    assert after["left"] - before["left"] == 10
+    assert after["answered"] - before["answered"] <= 3
+
+
+class Slow:
+    """A process that answers after a while."""
+
+    def __init__(self, has_ended=False):
+        self.has_ended, self.was_ended = has_ended, False
+        self.go = asyncio.Event()
+
+    async def ask(self, _request):
+        """An empty answer."""
+        await self.go.wait()
+        return 200, b""
+
+    def end(self):
+        """Say so."""
+        self.was_ended = True
+        return asyncio.sleep(0)
+
+
+def test_those_who_have_left_take_no_place_from_those_who_wait():
+    async def asked():
+        lane, one, gone = Lane("", 1, 2, 10.0), Slow(), set()
+        lane._free.put_nowait(one)
+
+        def ask(name):
+            return asyncio.create_task(lane.ask(b"", lambda: asyncio.sleep(0, name in gone)))
+
+        tasks = []
+        for name in "abc":
+            tasks.append(ask(name))
+            await asyncio.sleep(0.01)
+        gone.add("b")
+        for name in "de":
+            tasks.append(ask(name))
+            await asyncio.sleep(0.01)
+        one.go.set()
+        answers = await asyncio.gather(*tasks, return_exceptions=True)
+        counts = lane.answered, lane.left, lane.refused, lane.waiting
+        return [str(getattr(a, "detail", a[0] if type(a) is tuple else a)) for a in answers], counts
+
+    told, counts = asyncio.run(asked())
+    left, many = "the client has left", "too many requests wait; ask again"
+    assert told == ["200", left, "200", "200", many]
+    assert counts == (3, 1, 1, 0)
+
+
+def test_a_process_that_died_is_ended_before_another_takes_its_place(monkeypatch):
+    async def asked():
+        lane, dead, new = Lane("", 1, 2, 10.0), Slow(has_ended=True), Slow()
+        new.go.set()
+        monkeypatch.setattr(workers.Answering, "start", lambda _plan: asyncio.sleep(0, new))
+        lane._free.put_nowait(dead)
+        return (await lane.ask(b""))[0], dead.was_ended, new.was_ended, lane.ended
+
+    assert asyncio.run(asked()) == (200, True, False, 1)
 
 
 def test_other_hosts_and_origins_are_not_served(base):

@@ -100,7 +100,13 @@ class Lane:
         self._plan, self._count, self._most, self._seconds = plan, processes, waiting, seconds
         self._free: asyncio.Queue[Answering | None] = asyncio.Queue()
         self._all: set[Answering] = set()
-        self.waiting = self.answered = self.refused = self.left = self.ended = 0
+        self._queue: dict[asyncio.Timeout, Callable[[], Awaitable[bool]] | None] = {}
+        self.answered = self.refused = self.left = self.ended = 0
+
+    @property
+    def waiting(self) -> int:
+        """Requests that wait for a process."""
+        return len(self._queue)
 
     async def start(self) -> None:
         """Start the processes."""
@@ -122,19 +128,25 @@ class Lane:
             HTTPException: Too many wait, it takes too much memory, or the client has left.
         """
         if self.waiting >= self._most:
+            await self._dismiss()
+        if self.waiting >= self._most:
             self.refused += 1
             headers = {"Retry-After": str(_RETRY)}
             raise HTTPException(503, "too many requests wait; ask again", headers=headers)
-        self.waiting += 1
         try:
-            one = await self._free.get()
+            async with asyncio.timeout(None) as place:
+                self._queue[place] = has_left
+                one = await self._free.get()
+        except TimeoutError:  # dismissed
+            self.left += 1
+            raise HTTPException(503, "the client has left") from None
         finally:
-            self.waiting -= 1
-        if one is not None and one.has_ended:  # while it waited
-            self._drop(one)
-            one = None
+            self._queue.pop(place, None)
         whole = False
         try:
+            if one is not None and one.has_ended:  # while it waited
+                ended, one = one, None
+                await self._drop(ended)
             if has_left is not None and await has_left():
                 whole = True
                 self.left += 1
@@ -153,14 +165,20 @@ class Lane:
             raise HTTPException(413, "the trace needs more than one trace may take") from None
         finally:  # also of a request that was cancelled: its answer must not reach the next
             if not whole and one is not None:
-                self._drop(one)
-                await asyncio.shield(one.end())
+                await self._drop(one)
             self._free.put_nowait(one if whole else None)
 
-    def _drop(self, one: Answering) -> None:
-        """Count a process that has ended, or is about to."""
+    async def _dismiss(self) -> None:
+        """Have those wait no longer whose clients have left."""
+        for place, has_left in list(self._queue.items()):
+            if has_left is not None and await has_left() and self._queue.pop(place, None):
+                place.reschedule(0.0)
+
+    async def _drop(self, one: Answering) -> None:
+        """Count and end a process that has ended, or has to."""
         self._all.discard(one)
         self.ended += 1
+        await asyncio.shield(one.end())
 
     async def close(self) -> None:
         """End the processes."""
