@@ -7,6 +7,7 @@ by 4 to 8 m, and so the table itself tells how far its ends may be joined.
 
 from collections import defaultdict
 from dataclasses import dataclass
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -25,11 +26,13 @@ _WIDEST_SLOPPY, _DEAD_SLOPPY = 6.0, 6.0  # m, the same of such tables
 _FEW = 20  # of such ends, up to which nothing is said
 _BIN = 0.25  # m, of distances that are counted
 _TIMES, _MORE = 4.0, 5.0  # so many times the dead ends, and more, are ends that miss
+_SHARE = 0.01  # of all ends that miss: fewer are dead ends at one distance, as of cul-de-sacs
 _BEYOND = 0.1  # share of ends that miss by more than the gap, from which on none is learnt
 _MANY = 0.05  # share of ends that miss, from which on it is said that none were joined
 _SPREAD = 2.0  # gaps between the middles of places that become one
 _RING = 8.0  # gaps: a shorter road between two places keeps them apart
-_FACING = 0.9  # cosine: two ends point at each other
+_FACING = 0.9  # cosine: two ends point at each other, or the same way
+_BESIDE = 0.7  # cosine, up to which what lies near an end is beside it
 _AHEAD = 0.5  # cosine: an end points at what lies within 60 degrees of its direction
 _ON = 0.7  # cosine of the turn of a road that goes on, as from a bridge to the ground
 _ROUND = -0.3  # the same where nothing else goes on
@@ -47,13 +50,13 @@ def check(gap: float | None) -> None:
 def mend(d: Drawing, gap: float | None, least: float) -> tuple[Mask, dict[str, int]]:
     """Have ends meet that missed each other by little.
 
-    Ends within the gap become one place: that where several lie already, else their middle.  Of
-    lone ends that are left, those that run over a line end there, and those that point at one are
-    drawn on to it.
+    Ends within the gap become one place: that where several lie already, else their middle.  Two
+    that point at each other may both have missed, by a gap that is learnt.  Of lone ends that are
+    left, those that run over a line end there, and those that point at one are drawn on to it.
 
     Args:
         d: The lines; their ends are moved.
-        gap: How far ends miss each other, m; None: it is learnt.
+        gap: How far ends miss each other at most, m; None: it is learnt.
         least: m, within which ends meet anyhow.
 
     Returns:
@@ -83,7 +86,8 @@ def mend(d: Drawing, gap: float | None, least: float) -> tuple[Mask, dict[str, i
     sloppy = np.count_nonzero(missed <= far) > _SLOPPY * len(d.place)
     free = ~met if sloppy else lone.copy()
     before = d.xy()
-    joined = _clusters(d, free, widest)
+    dead = (_DEAD_SLOPPY if sloppy else _DEAD) + EXACT
+    joined = _clusters(d, free, widest, min(2.0 * widest, dead) if gap is None else gap)
     d.move(joined)
     lone[list(joined)] = False
     drawn, cut, left = _onto(d, np.flatnonzero(lone), widest)
@@ -100,8 +104,8 @@ def mend(d: Drawing, gap: float | None, least: float) -> tuple[Mask, dict[str, i
     }
     for what, places in done.items():
         if places:
-            by = f"up to {shift[places].max():.1f} m, half by {np.median(shift[places]):.1f} m"
-            skipped[what.replace(" (", f" by {by} or more (")] = len(places)
+            by = f"up to {shift[places].max():.1f} m, median {np.median(shift[places]):.1f} m"
+            skipped[what.replace(" (", f" by {by} (")] = len(places)
     if left:
         skipped[f"ends within {widest:g} m of a road that they do not point at (not joined)"] = left
     return kept, skipped
@@ -131,6 +135,8 @@ def learnt(missed: Array, ends: int) -> float:
         return 0.0
     gap = float(min(edges[many[-1] + 1] + _BIN, widest))
     within = np.count_nonzero(missed <= gap)
+    if within < _SHARE * ends:
+        return 0.0
     beyond = np.count_nonzero((missed > gap) & (missed <= _FAR))
     return 0.0 if sloppy and beyond > _BEYOND * within else gap
 
@@ -192,33 +198,46 @@ class _Group:
         self.roads |= other.roads
 
 
-def _clusters(d: Drawing, loose: Mask, widest: float) -> dict[int, tuple[float, float]]:
+def _clusters(
+    d: Drawing, loose: Mask, widest: float, facing: float
+) -> dict[int, tuple[float, float]]:
     """Where loose places move that lie close to others, the closest first.
 
-    Two that point at each other may both have missed, and so lie two gaps apart.
+    Two that point at each other may both have missed, and so lie farther apart.
+    Two beside each other that point the same way stay two, as of the two carriageways of a road.
     Places between which a short road runs stay two, and so do two places that are firm.
+
+    Args:
+        d: The lines.
+        loose: (G,) which places move.
+        widest: m, how far ends may be apart.
+        facing: m, the same of two that point at each other.
     """
     import shapely
 
     xy = d.xy()
     points, some = shapely.points(xy), np.flatnonzero(loose)
     tree = shapely.STRtree(points)
-    which, b = tree.query(points[some], predicate="dwithin", distance=2.0 * widest)
+    which, b = tree.query(points[some], predicate="dwithin", distance=facing)
     a = some[which]
     once = ~loose[b] | (a < b)
     a, b = a[once], b[once]
     apart = np.hypot(*(xy[a] - xy[b]).T)
-    near = (apart <= widest) | (loose[b] & _face(xy[b] - xy[a], d.outwards(d.some), a, b))
+    between, ahead = xy[b] - xy[a], d.outwards(d.some)
+    near = (apart <= widest) & ~(loose[b] & _beside(between, ahead, a, b))
+    near |= loose[b] & _face(between, ahead, a, b)
     a, b, apart = a[near], b[near], apart[near]
     order = np.argsort(apart, kind="stable")
     involved = _which(np.concatenate([a, b]), len(xy))
     ends: dict[int, list[int]] = defaultdict(list)
     for end in np.flatnonzero(involved[d.place]).tolist():
         ends[int(d.place[end])].append(end)
-    short = d.length <= _RING * widest
-    group = {}
+    short, road = (d.length <= _RING * widest).tolist(), d.road.tolist()
+    level, end_level = d.level.tolist(), d.end_level.tolist()
+    group, levels = {}, {}
     for p, own in ends.items():
-        roads = {int(d.road[e // 2]) for e in own if short[e // 2]}
+        levels[p] = {level[e // 2] for e in own}
+        roads = {road[e // 2] for e in own if short[e // 2]}
         group[p] = _Group([p], float(xy[p, 0]), float(xy[p, 1]), not loose[p], roads)
     pairs = np.column_stack([a, b])[order].tolist()
     for turn in (_ON, _ROUND):
@@ -227,7 +246,9 @@ def _clusters(d: Drawing, loose: Mask, widest: float) -> dict[int, tuple[float, 
             left = turn == _ON or 1 in (len(one.places), len(two.places))
             if one is two or not left or not _may_join(one, two, widest):
                 continue
-            if _goes_on(d, ends[i], ends[j], turn):
+            if end_level[i] != end_level[j]:
+                continue
+            if not levels[i].isdisjoint(levels[j]) or _goes_on(d, ends[i], ends[j], turn):
                 one.take(two)
                 group |= dict.fromkeys(two.places, one)
     return {p: (g.x, g.y) for p, g in group.items() if len(g.places) > 1 and loose[p]}
@@ -240,28 +261,31 @@ def _face(between: Array, ahead: Array, a: Ints, b: Ints) -> Mask:
     return np.asarray(np.minimum(one, two) >= _FACING * apart)
 
 
+def _beside(between: Array, ahead: Array, a: Ints, b: Ints) -> Mask:
+    """Whether ends point the same way and lie beside each other, (k,), of the same as `_face`."""
+    apart = np.hypot(*between.T)
+    alike = (ahead[a] * ahead[b]).sum(axis=1) > _FACING
+    return np.asarray(alike & (abs((ahead[a] * between).sum(axis=1)) <= _BESIDE * apart))
+
+
 def _may_join(one: _Group, two: _Group, widest: float) -> bool:
     """Whether two groups with places within the gap are one place."""
     if (one.firm and two.firm) or one.roads & two.roads:
         return False
-    return float(np.hypot(one.x - two.x, one.y - two.y)) <= _SPREAD * widest
+    return hypot(one.x - two.x, one.y - two.y) <= _SPREAD * widest
 
 
 def _goes_on(d: Drawing, one: list[int], two: list[int], turn: float) -> bool:
-    """Whether lines that end in two places are on one level, or one goes on as another.
+    """Whether a line that ends in a place goes on as one that ends in another.
 
     Args:
         d: The lines.
         one: Ends in a place.
         two: Ends in another one.
-        turn: Least cosine of the turn from a level to another.
+        turn: Least cosine of the turn.
     """
-    a, b = np.array(one), np.array(two)
-    if d.end_level[d.place[a[0]]] != d.end_level[d.place[b[0]]]:
-        return False
-    if np.isin(d.level[a // 2], d.level[b // 2]).any():
-        return True
-    return bool((d.outwards(a) @ d.outwards(b).T).min() <= -turn)
+    ahead = d.outwards(np.array(one)) @ d.outwards(np.array(two)).T
+    return bool(ahead.min() <= -turn)
 
 
 def _onto(

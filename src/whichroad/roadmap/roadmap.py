@@ -86,7 +86,7 @@ class RoadMap(EdgeGeometry):
             crs: Coordinate system where the table names none, as pyproj takes it ("EPSG:3067").
             directed: Whether a row is one direction of a road.  None: it is where the table
                 has no column on one-way roads and rows come in opposite pairs.
-            gap_m: How far ends may miss each other and yet meet, m, where nodes have no names.
+            gap_m: How far apart ends may be at most and yet meet, m, where nodes have no names.
                 None: it is learnt from the table; 0: only those within 0.5 m meet.
 
         Raises:
