@@ -21,7 +21,7 @@ ROWS = 7  # streets along
 
 
 def region(columns: range, every: int = 1) -> whichroad.RoadMap:
-    """Streets along and across, of some columns of blocks; along only each so manieth."""
+    """Streets along and across, of some columns of blocks; every one along, or every n-th."""
     import geopandas
     import shapely
 
@@ -120,6 +120,19 @@ def test_a_map_without_small_streets_beside_a_full_one_still_holds_a_trip():
     lat, lon = PLANE.to_geodetic(x, y)
     (shares,) = maps.shares(lat, lon, np.array([0, len(x)]))
     assert [maps.names[share.map] for share in shares] == ["all"]
+
+
+@pytest.mark.parametrize("sigma", [5.0, 100.0])
+def test_coarse_fixes_beside_a_border_cut_nothing(sigma):
+    """They scatter over it, and back."""
+    maps = RoadMaps({"west": region(range(25)), "east": region(range(24, 49))}, "two")
+    parts = []
+    for seed in range(10):
+        x, y = np.random.default_rng(seed).normal(0.0, sigma, (2, 120))
+        lat, lon = PLANE.to_geodetic(4700.0 + x, np.linspace(0.0, 1200.0, 120) + y)
+        parts.append(len(maps.shares(lat, lon, np.array([0, 120]))[0]))
+    assert sorted(parts)[:-1] == [1] * 9
+    assert max(parts) <= 2
 
 
 def test_a_single_fix_beyond_cuts_nothing(maps):

@@ -606,6 +606,24 @@ def test_a_column_that_looks_like_directions_and_is_not_read_is_named(line):
     assert "it is not known what 'sentido' says (taken as two-way; if it tells directions" in why
 
 
+def test_compass_words_do_not_hide_that_rows_are_of_one_direction(line):
+    blocks = [((100 * k, 0), (100 * k + 100, 0)) for k in range(10)]
+    lines = [line(*ends) for a, b in blocks for ends in ((a, b), (b, a))]
+    lines += [line(a, (a[0], 100)) for a, _ in blocks]
+    plain = geopandas.GeoDataFrame(geometry=lines, crs=4326)
+    told = plain.assign(TRAVEL_DIR=["EB", "WB"] * 10 + ["NB"] * 10)
+    one, other = RoadMap.from_edges(plain), RoadMap.from_edges(told)
+    assert (other.arrays.edges.rule == 0).sum() == (one.arrays.edges.rule == 0).sum() == 30
+
+
+def test_an_empty_one_way_column_does_not_hide_a_filled_one(line):
+    lines = [line((0, 60 * k), (100, 60 * k)) for k in range(2)]
+    words = {"id": [0, 1], "oneway": [None, None], "RIJRICHTNG": ["H", "T"]}
+    roads = RoadMap.from_edges(geopandas.GeoDataFrame(words, geometry=lines, crs=4326))
+    legal = [(rule(roads, k, True) == 0, rule(roads, k, False) == 0) for k in range(2)]
+    assert legal == [(True, False), (False, True)]
+
+
 def test_n_beside_ft_and_tf_is_closed_both_ways(line):
     lines = [line((0, 60 * k), (100, 60 * k)) for k in range(3)]
     words = {"id": [0, 1, 2], "ONEWAY": ["FT", "N", ""]}

@@ -248,6 +248,27 @@ def test_other_files_than_parquet_say_the_same(kind, tmp_path):
     pd.testing.assert_frame_equal(ours, theirs)
 
 
+@pytest.mark.parametrize("kind", ["csv", "shp"])
+def test_text_of_numpy_records_and_names_of_ten_letters_are_read(kind, tmp_path):
+    """As pandas writes CSV, and as a shapefile cuts names."""
+    geopandas = pytest.importorskip("geopandas")
+    more = RANGES if kind == "csv" else {}
+    rows = [line("s", (0, 0), (1000, 0), [("a", 0.0), ("b", 1.0)], **more), *CROSS]
+    roads = RoadMap.from_edges(table(rows))
+    plain = table(rows).to_pandas()
+    shapes = shapely.from_wkb(plain.pop("geometry"))
+    cells = plain.map(lambda cell: str(cell) if isinstance(cell, np.ndarray | list) else cell)
+    path = tmp_path / f"segments.{kind}"
+    if kind == "csv":
+        assert "} {" in "".join(cells["connectors"])
+        cells.assign(geometry=shapely.to_wkt(shapes, rounding_precision=9)).to_csv(path)
+    else:
+        cells = cells[["id", "class", "subtype", "connectors"]]
+        assert (cells["connectors"].str.len() < 254).all()  # of which a shapefile keeps no more
+        geopandas.GeoDataFrame(cells, geometry=shapes, crs=4326).to_file(path)
+    assert open_map(path).info()["nodes"] == roads.info()["nodes"]
+
+
 @pytest.mark.data
 @pytest.mark.slow
 def test_a_city_has_the_same_legal_directions_levels_and_limits_from_both_sources(data_folder):

@@ -191,14 +191,19 @@ class RoadMaps(Mapping[str, RoadMap]):
             if len(rows):
                 held[k, rows] = outline.holds(lat_deg[rows], lon_deg[rows])
                 close[k, rows] = outline.has_close(lat_deg[rows], lon_deg[rows])
+        strict = held.copy()
         for k, outline in enumerate(self.outlines):  # who has the roads there beside its border
             rows = np.flatnonzero(held[k] & ~close[k] & close.any(axis=0))
             if len(rows):
-                held[k, rows] = outline.surrounds(lat_deg[rows], lon_deg[rows])
+                strict[k, rows] = outline.surrounds(lat_deg[rows], lon_deg[rows])
         found = []
         for trip, (low, high) in enumerate(zip(start.tolist(), first[1:].tolist(), strict=True)):
             if several[trip] and held[:, low:high].any():
-                found.append(self._shares(held[:, low:high], lat_deg[low:high], lon_deg[low:high]))
+                at = slice(low, high)
+                shares = self._shares(strict[:, at], lat_deg[at], lon_deg[at])
+                if len(shares) > len({one.map for one in shares}):  # fixes scatter over a border
+                    shares = self._shares(held[:, at], lat_deg[at], lon_deg[at])
+                found.append(shares)
             else:
                 found.append([Share(0, high - low, int(np.argmin(beyond[:, trip])))])
         return found

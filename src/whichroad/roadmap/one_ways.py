@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,9 +27,11 @@ _CODES: Mapping[str, Mapping[str, int]] = {
 _SPACED = frozenset(("directionality",))  # words that files write with spaces or without
 _FROM_TO = frozenset(("ft", "tf"))  # beside which N is closed both ways, in the tables of TomTom
 _LIKELY = re.compile(
-    r"one.?way|einbahn|rijrich|fahrtri|verkehrsri|^sens|sens_|circulation|sentido|suunta|"
-    r"k[oö]rrikt|ensret|direc|^dir|_dir$|trafdir"
+    r"one.?way|einbahn|rijrich|fahrtri|verkehrsri|^sens(_|$)|sens_circ|sentido|suunta|"
+    r"k[oö]rrikt|ensret|(^|_)dir(ection)?(_travel)?$|directional|trafdir"
 )
+_PLAIN = ("oneway", "one_way")
+_MOST = 0.5  # share of words that are understood, beyond which a column is read
 _FEW = 12  # different words of a column that may be one
 
 _oneway: Callable[[Any], int | None] = first(meaning.oneway_word, 0)
@@ -36,14 +39,38 @@ _word: Callable[[Any], str] = first(as_word, "")
 
 
 def column_of(sheet: Sheet) -> str | None:
-    """The name of the column on one-way roads that is read."""
-    return next((name for name in NAMES if name in sheet.columns), None)
+    """The name of the column on one-way roads that is read: the first whose words are understood.
+
+    Else it is one that says nothing, or one that is called as in OpenStreetMap.
+    """
+    names = [name for name in NAMES if name in sheet.columns]
+    shares = {name: _understood(name, plain(sheet.columns[name])) for name in names}
+    found = [name for name in names if (shares[name] or 0.0) > _MOST]
+    rest = [name for name in names if shares[name] is None or name in _PLAIN]
+    return next(iter(found + rest), None)
+
+
+def with_one(sheet: Sheet) -> Sheet:
+    """The table without the columns on one-way roads that are not read."""
+    found = column_of(sheet)
+    return replace(
+        sheet,
+        columns={n: c for n, c in sheet.columns.items() if n == found or n not in NAMES},
+    )
+
+
+def _understood(name: str, cells: NDArray[Any]) -> float | None:
+    """The share of a column's words that are understood; None: it has none."""
+    read = _by_code(name) if name in _CODES else _oneway
+    words = [cell for cell, word in zip(cells, each(cells, _word), strict=True) if word]
+    known = each(np.array(words, dtype=object), read)
+    return sum(one is not None for one in known) / len(words) if words else None
 
 
 def likely_column(sheet: Sheet) -> str | None:
-    """The name of a column that may be one, and is not read."""
+    """The name of a column that may be one, where none is read."""
     for name, column in sheet.columns.items():
-        if name not in NAMES and _LIKELY.search(name):
+        if name in NAMES or _LIKELY.search(name):
             words = {as_word(cell) for cell in plain(column).tolist()}
             if 1 < len(words - {""}) <= _FEW:
                 return name

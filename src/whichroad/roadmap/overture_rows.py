@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .overture_rules import items
 from .sheet import Sheet, from_frame, is_absent
 
 _NEEDED = frozenset(("id", "geometry", "connectors"))
@@ -16,6 +17,7 @@ _COLUMNS = (
 )  # fmt: skip
 _BATCH = 1 << 14  # segments read at once
 _PARQUET = (".parquet", ".geoparquet", ".pq")
+_LETTERS = 10
 _DEGREES = "OGC:CRS84"
 
 
@@ -28,7 +30,9 @@ def segments_in(table: Any) -> Any:
     import pyarrow as pa
 
     if isinstance(table, Sheet):
-        return table if {*table.columns, "geometry"} >= _NEEDED else None
+        if not {*table.columns, "geometry"} >= _NEEDED:
+            return None
+        return table if any(items(cell) for cell in table.columns["connectors"].tolist()) else None
     if isinstance(table, str | Path):
         name = str(table).lower()
         if not name.endswith(_PARQUET) or not Path(table).is_file():
@@ -65,7 +69,11 @@ def rows_of(table: Any) -> Iterator[Mapping[str, Any]]:
 
 
 def _of_sheet(sheet: Sheet) -> Iterator[Mapping[str, Any]]:
-    columns = {name: sheet.columns[name].tolist() for name in _COLUMNS if name in sheet.columns}
+    columns = {}
+    for name in _COLUMNS:  # a shapefile has ten letters of them
+        known = name if name in sheet.columns else name[:_LETTERS]
+        if known in sheet.columns:
+            columns[name] = sheet.columns[known].tolist()
     columns["geometry"] = _in_degrees(sheet)
     for cells in zip(*columns.values(), strict=True):
         row = dict(zip(columns, cells, strict=True))

@@ -6,6 +6,7 @@ taken in their order, the later one decides.
 
 import ast
 import json
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
@@ -22,12 +23,16 @@ _RULES = ("access_restrictions", "speed_limits", "road_flags", "level_rules", "w
           "subclass_rules", "routes")  # fmt: skip
 _OPENED = frozenset(("as_customer", "at_destination", "to_deliver", "to_farm", "for_forestry",
                      "as_permitted", "as_employee", "as_student"))  # fmt: skip
+# as pandas writes arrays of records
+_ARRAY = re.compile(r"\barray(?=\()|,\s*dtype=\w+(?=\))")
+_COMMAS = re.compile(r"\}\s+\{")
 
 
 def _decoded(cell: Any) -> Any:
     """A cell, or what its text says: of JSON, or as Python writes lists and records."""
     if not isinstance(cell, str):
         return cell
+    cell = _COMMAS.sub("}, {", _ARRAY.sub("", cell))
     for read in (json.loads, ast.literal_eval):
         try:
             return read(cell)

@@ -104,7 +104,7 @@ def streets_of(
     """`read_edges` of an open table; gives the streets, and what was left out."""
     skipped: Counter[str] = Counter()
     likely = one_ways.likely_column(sheet)
-    sheet = _with_closed(_known(_with_tags(sheet, skipped)), skipped)
+    sheet = _with_closed(_known(_with_tags(one_ways.with_one(sheet), skipped)), skipped)
     directed = sheet.directed if directed is None else directed
     lines = read_lines(sheet, crs, skipped)
     lines = _for_cars(sheet, lines, skipped)
