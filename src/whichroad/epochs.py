@@ -36,6 +36,7 @@ from .sensors.filled_gaps import HELD, filled_gaps
 from .sensors.glitches import without_glitches
 from .sensors.gnss import fix_rows
 from .sensors.odometry import Motion, motion_of
+from .sensors.seldom_read import without_seldom
 from .sensors.takeover import Takeover
 from .sensors.whole_columns import less_wrong
 from .settings import Vehicle
@@ -113,8 +114,7 @@ def check_mask(drives: Sequence[Drive], mask: Sequence[tuple[float, float]]) -> 
 
 def _union(times: list[Array]) -> Array:
     merged: Array = np.sort(np.concatenate(times), kind="stable")  # merges what is in order
-    apart: NDArray[np.bool_] = np.concatenate([[True], np.diff(merged) > _SAME])
-    return np.asarray(merged[apart])
+    return np.asarray(merged[np.append(True, np.diff(merged) > _SAME)])
 
 
 def _share_rows(streams: list[Array]) -> bool:
@@ -145,6 +145,7 @@ def build_timeline(
     """
     fixes = drive.fixes if drive.fixes is not None and len(drive.fixes) else None
     drive, skipped = _without_glitches(drive)
+    drive, seldom = without_seldom(drive, fixes, vehicle)
     motion, wrong, delay = _motion(drive, fixes, plane, vehicle, mask, clocks)
     if motion is None and fixes is None:
         why = by_reason(drive.skipped)
@@ -153,10 +154,11 @@ def build_timeline(
             f"{f' (skipped: {why})' if why else ''}; a table or log with time, lat, lon or wheel "
             "data was expected"
         )
-    if motion is None and fixes is not None and not mask and sensed is None:
+    between = seldom.between(fixes)
+    if motion is None and fixes is not None and not mask and sensed is None and not len(between):
         epochs, own = epochs_of_fixes(fixes, [0], plane)
         if own[0]:
-            return Timeline(epochs, CLOCK, 0, wrong=wrong)
+            return Timeline(epochs, CLOCK, 0, wrong=(*wrong, *seldom.write_to(epochs)))
     late = delay if 0.0 < delay <= LONGEST else 0.0
     streams = [m.time for m in (motion, fixes) if m is not None]
     if motion is not None and delay != late:  # late odometry, or a clock that was never set
@@ -166,8 +168,7 @@ def build_timeline(
     told = [] if sensed is None else sensed.within(drive.sensed, streams)
     if sensed is not None and motion is None and fixes is not None:
         told = sensed.beside(told, fixes.time)
-    if told:
-        streams.append(np.array([one.time for one in told]))
+    streams += [between, np.array([one.time for one in told])]
     time = _union(streams)
     arc, turn, valid = _odometry(motion, time)
     if motion is not None and motion.least_speed:
@@ -205,7 +206,8 @@ def build_timeline(
     )  # fmt: skip
     least = 0.0 if motion is None else motion.least_speed
     return Timeline(
-        epochs, mode, masked, heard, names, takeover, wrong, delay, late, tick, least, skipped
+        epochs, mode, masked, heard, names, takeover, (*wrong, *seldom.write_to(epochs)), delay,
+        late, tick, least, skipped,
     )  # fmt: skip
 
 

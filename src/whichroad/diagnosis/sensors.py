@@ -10,6 +10,7 @@ from ..filter.vetting.motion_sources import ARC, COURSE, SPEED, TURN
 from ..filter.vetting.windows import BY_WHEELS
 from ..geodesy.angles import degrees
 from ..sensors.dead_band import LEAST
+from ..sensors.seldom_read import UNFIT
 from ..sensors.takeover import GYRO, WHEELS, Takeover
 from ..sensors.whole_columns import BACKWARDS, STANDS, TURNLESS
 from ..wording import counted
@@ -184,6 +185,10 @@ _COLUMNS = {
     BACKWARDS: (
         -1.0, "it counted backwards for longer than anybody drives so, and was taken the other way "
         "round; check the sign of metres_per_tick, of the speed, or the gear",
+    ),
+    UNFIT: (
+        0.0, "it is read as seldom as the places and does not fit the way between them, so that it "
+        "was not used; look at its unit and at what it counts",
     ),
     TURNLESS: (
         0.0, "it never measured any turn, which no sensor does; its turns were not used; are both "

@@ -23,6 +23,7 @@ EPOCH = np.dtype(  # what the sensors said at one moment, and since the one befo
         ("speed_sigma", "f8"),  # inf: not reported
         ("course", "f8"),  # heading over ground, rad
         ("course_sigma", "f8"),  # inf: not reported
+        ("odometer", "f8", (2,)),  # read at a sparse fix, m, 0: none; variance of the way to it, m²
         ("odometry_valid", "u1"),  # 1: measured; 2: until the next; 3: BELOW; 4: AHEAD; 0: not
         ("has_fix", "u1"),
         ("filled", "u1"),  # 1: the fix repeats an earlier one, as later ones prove

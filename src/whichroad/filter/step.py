@@ -101,6 +101,7 @@ def step(
     _reduce(belief, path, ctx, epoch)  # P(S_k | Y); merge within an edge, prune
     watch_roads(belief, ctx)
     _estimate_speed(belief, ctx, epoch, dt)
+    state.driver.odometer = epoch.odometer[0]
     if len(history.steps) > 0:
         store(belief, history, k, state.changed == 1, ctx.par[0].off_road_leave)
     _summarise(belief, ctx, output, k, chi2)

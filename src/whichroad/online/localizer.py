@@ -49,6 +49,7 @@ from .looks_back import LooksBack
 from .one_odometry import SECOND, is_worse
 from .pauses import APART, LateReadings, Pauses, Streams
 from .remembers import Remembers
+from .seldom import forget, is_seldom, write_reading
 from .sensing import Sensing
 from .set_back import Clocks
 from .silence import between, is_speed, learnt, lost_after, silent_after
@@ -256,6 +257,11 @@ class Localizer(LooksBack, Watched, Pauses, Remembers, Ties):
         if now and is_worse(reading, now) and not self._is_lost(reading.time - now.time):
             self.skipped[SECOND] = self.skipped.get(SECOND, 0) + 1
             return False
+        if is_seldom(now, reading, self._far_fix[0]):  # it tells the way to the next fix
+            self._steps.even(reading)
+            self._reading, self._odometer = reading, (reading.time, 0.0, 0.0)
+            self._filter.set_mode(CLOCK, reading.geared)
+            return True
         reading = self._steps.even(self._glitches.without(now, reading, self.skipped))
         arc, turn, valid, by = self._increment(reading)
         steered = self._gyro.alone or not isinstance(reading, Distance)
@@ -342,7 +348,10 @@ class Localizer(LooksBack, Watched, Pauses, Remembers, Ties):
             sigma_speed = math.hypot(sigma_speed, since.speed_sigma)
         now.add_fix((x, y, major, minor, axis, fix.speed, sigma_speed, course, sigma))
         self._gyro.takeover.fixed(fix.lat_deg, fix.lon_deg, math.sqrt(major * minor))
+        if now.mode == CLOCK and isinstance(self._reading, Distance):
+            write_reading(now, self._reading, time, self.vehicle, self._steps)
         self._run()
+        forget(now)
         self._far_fix = (time, self._filter.disbelieved(x, y, major))
 
     def _take_sensed(self, reading: SensorReading) -> bool:

@@ -38,6 +38,20 @@ _FIRM = 6.0  # m/s², by which that way becomes faster or slower at most
 _OF_STEP = 0.5  # share of its variance that a step driven adds to the way
 
 
+def common_measure(change: float, length: float) -> float:
+    """The greatest length of which both a change and a length are multiples, m.
+
+    Args:
+        change: > 0, m.
+        length: Of which earlier changes are; infinite: there was none.
+    """
+    a, b = (change, 0.0) if length == math.inf else (length, change)
+    b = abs(math.remainder(b, a))
+    while b > max(_SAME * a, _SAME * _LEAST):
+        a, b = b, abs(math.remainder(a, b))
+    return a
+
+
 class EvenSteps:
     """Such an odometer, reading by reading."""
 
@@ -54,6 +68,11 @@ class EvenSteps:
     def step(self) -> float:
         """m; 0: it is fine, or not known."""
         return self._length if self._changes >= _PLENTY and not self.fine else 0.0
+
+    @property
+    def coarsest(self) -> float:
+        """m, of which its step is no more, as far as its changes tell; 0: it is fine."""
+        return 0.0 if self.fine or self._length == math.inf else self._length
 
     @property
     def fine(self) -> bool:
@@ -94,13 +113,7 @@ class EvenSteps:
         same = abs(change - before) <= _SAME * _LEAST
         if same or change == 0.0 or (self._changes >= _SURE and self._is_odd(change)):
             return
-        a, b = self._length, abs(change)
-        if a == math.inf:
-            a, b = b, 0.0
-        b = abs(math.remainder(b, a))
-        while b > max(_SAME * a, _SAME * _LEAST):
-            a, b = b, abs(math.remainder(a, b))
-        self._length = a
+        a = self._length = common_measure(abs(change), self._length)
         self._changes += round(abs(change) / a) != round(abs(before) / a)
 
     def _is_odd(self, change: float) -> bool:

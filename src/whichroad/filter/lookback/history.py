@@ -39,6 +39,7 @@ MOTION = np.dtype(
         ("gnss_aged", "f8"),  # time by which the GNSS bias has decayed, s
         ("plane_noise", "f8", (15,)),  # Q of X, Y, H, K, B in the frame of the step before
         ("road_noise", "f8", (3,)),  # Q along a road: of the abscissa, with κ, of κ
+        ("driven", "f8", (2,)),  # by an odometer, in a sparse transition: m; m², 0: none tells it
         ("drawn", "u1"),  # 1: the heading varied about the road's; 2: and moved the vehicle
         ("mode", "u1"),  # what moved the vehicle: WHEELS, DISTANCE or CLOCK
         ("switched", "u1"),  # 1: something else did before
@@ -339,9 +340,8 @@ def _clear_motion(since: Record) -> None:
     since.turn = since.forward = since.left = 0.0
     since.lever_forward = since.lever_left = 0.0
     since.map_aged = since.gnss_aged = 0.0
-    since.drawn = 0
-    since.jumped = 0
-    since.switched = 0
+    since.driven[0] = since.driven[1] = 0.0
+    since.drawn = since.jumped = since.switched = 0
     for a in range(3):
         since.road_noise[a] = 0.0
 

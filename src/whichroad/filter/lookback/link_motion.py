@@ -23,6 +23,7 @@ from ..motion import ACROSS, Increment, Noise
 from ..slow_states import keep_lane, keep_map
 from ..sparse.arrival import ACROSS_SIGMA, HEADING_NOISE
 from ..sparse.candidates import heavy_tail, usual_speed
+from ..sparse.driven import conditioned, distance_of, driven_by, faster_by
 from ..speed_process import speed_process
 from ..state import (
     CLOCK,
@@ -313,9 +314,11 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     x, y = later[X] + model.scale * later[MX], later[Y] + model.scale * later[MY]
     _, to, _, _, _ = project(ctx.roads, edge, history.nodes[link.j].segment, x, y)
     step = history.steps[link.step]
-    keep, old, far, cross, sigma = speed_process(dt, step.speed_sigma)
+    free = speed_process(dt, step.speed_sigma)
+    driven = driven_by(free, dt, step.motion.driven[0], step.motion.driven[1], 0.0)
+    keep, old, far, cross, sigma = conditioned(driven)
     usual = history.nodes[link.j].pace * usual_speed(ctx.roads, skipped, time, edge, to)
-    distance = usual * (dt - old) + mean[K] * old
+    distance = distance_of(driven, usual, mean[K])
     advance = Advance(then.edge, then.segment, edge, skipped, distance, old)
     move_on_road(model, ctx.roads, advance, False)
     nx = math.cos(model.mu[H])
@@ -323,13 +326,13 @@ def _move_on_route(model: Record, history: History, path: Path, ctx: Context, li
     off = (nx * (later[X] - model.mu[X]) + ny * (later[Y] - model.mu[Y])) / model.scale
     variance = far + cov[X, X] + cov[Y, Y] + old * old * cov[K, K]
     heavy = heavy_tail(variance, off, 0.0) - variance
-    harder = 1.0 + heavy / max(far, 1.0)
+    harder = 1.0 + heavy / max(free.variance, 1.0)
     rate = (1.0 - keep * keep) * sigma * sigma * harder
     heading = par.edge_heading_sigma**2 + HEADING_NOISE
     across = ACROSS_SIGMA * ACROSS_SIGMA
     add_road_noise(model, Noise(far + heavy, across, heading, rate, 0.0, cross * harder))
     model.f[K, K] = keep
-    model.mu[K] = usual + keep * (mean[K] - usual)
+    model.mu[K] = usual + keep * (mean[K] - usual) + faster_by(driven, usual, mean[K])
     return True
 
 

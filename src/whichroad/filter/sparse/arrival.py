@@ -41,10 +41,12 @@ from .candidates import (
     variance_along,
 )
 from .competitors import weigh_rivals
+from .driven import distance_of, faster_by
 
 ACROSS_SIGMA = 30.0  # m, across the road before the road is observed
 HEADING_NOISE = 0.02  # rad², of a vehicle's heading about its road's after a transition
 
+_UNSURE = 0.2  # of the weight of all other ways over its own, which tells no odometer's scale
 _FOOT_VARIANCE = 100.0  # m², of the fix's foot where the tangent is taken
 
 
@@ -57,6 +59,7 @@ class Transition(NamedTuple):
     free: float  # usual speed of its roads, m/s
     along: float  # abscissa on the last edge, m
     variance: float  # of the abscissa, m²
+    faster: float  # m/s, by which the odometer shows it faster than that at the end
     noise: float  # process noise along the road, m²
     inflation: float  # of the speed's variance: the vehicle braked or hurried more than usual
 
@@ -103,7 +106,6 @@ def _transition(
     """How far a hypothesis comes along the route of a pair."""
     near = ctx.work.near[pair.goal]
     entry = ctx.work.search.label[max(pair.label, 0)]
-    old = fix.process.distance_by_speed
     if pair.label >= 0:
         length = entry.length
         turn = entry.turn
@@ -114,12 +116,13 @@ def _transition(
         usual = usual_speed(ctx.roads, 0.0, 0.0, near.edge, 0.0)
     free = usual
     usual *= fix.pace
-    along = usual * (fix.dt - old) + hyp.mu[K] * old - length
+    along = distance_of(fix.driven, usual, hyp.mu[K]) - length
+    faster = faster_by(fix.driven, usual, hyp.mu[K])
     variance = variance_along(hyp, tx, ty, fix.process)
     heavy = heavy_tail(variance, near.s - along, fix.jitter) - variance
     return Transition(
-        length, turn, usual, free, along, variance + heavy, fix.process.variance + heavy,
-        1.0 + heavy / max(fix.process.variance, 1.0),
+        length, turn, usual, free, along, variance + heavy, faster,
+        fix.process.variance + heavy, 1.0 + heavy / max(fix.driven.free.variance, 1.0),
     )  # fmt: skip
 
 
@@ -166,6 +169,7 @@ def predict_transition(
     redraw(hyp, H, heading, noise.heading)
     speed = process.sigma * process.sigma * transition.inflation
     decay(mean, cov, K, transition.usual, process.keep, speed)
+    mean[K] = max(mean[K] + transition.faster, 0.0)
     cross = process.cross * transition.inflation
     cov[X, K] += cross * foot.tx
     cov[Y, K] += cross * foot.ty
@@ -201,6 +205,7 @@ def _note_leg(hyp: Record, state: Record, transition: Transition, fix: SparseFix
     leg.seconds = fix.dt
     leg.length = transition.length
     leg.free = transition.free
+    leg.driven = fix.driven.metres if fix.driven.gain > 0.0 else -1.0
 
 
 @kernel(inline=True)
@@ -215,7 +220,7 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     hyp = belief.hyp[child]
     tx, ty = hyp.tangent[0], hyp.tangent[1]
     hyp.leg.variance = hyp.along_sigma**2
-    hyp.leg.begun = hyp.mu[K] * fix.process.distance_by_speed
+    hyp.leg.begun = hyp.mu[K] * fix.driven.free.distance_by_speed
     transition = _transition(hyp, ctx, pair, tx, ty, fix)
     foot = _foot(hyp, state, ctx, pair.goal, transition, fix)
     predict_transition(hyp, ctx, transition, foot, math.atan2(ty, tx), fix.process)
@@ -233,6 +238,8 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
         hyp.new_edge = 1
         metres = max(foot.s + transition.length, 0.0)
         against = weigh_rivals(belief, ctx, p, fix)
+        if against > _UNSURE:
+            hyp.leg.driven = -1.0
         drive = Drive(state.time - fix.dt, fix.dt, metres, 1.0 / (1.0 + against))
         enter_route(hyp, path, ctx.work.search, pair.label, drive)
     state.count = child + 1

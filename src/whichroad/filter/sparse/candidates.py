@@ -13,7 +13,8 @@ from ..map_error import map_variance
 from ..road import track
 from ..speed_process import SpeedProcess, speed_process
 from ..state import GX, GY, MX, MY, OFF_ROAD, Belief, Context, K, X, Y, heaviest
-from .driver import begin_driver, learn_leg, likely_excess, pace_of
+from .driven import Driven, conditioned, driven_by, driven_to
+from .driver import begin_driver, learn_leg, learn_scale, likely_excess, pace_of
 
 _TAIL = 0.3  # least variance of a distance over its squared deviation, where it is longer,
 _SLOW_TAIL = 2.0  # and where it is shorter than expected
@@ -31,7 +32,7 @@ _LABELS = 3000  # of one search
 CHOSEN = 150.0  # m, for which a road is chosen at once
 _AHEAD = 5.0  # nats, the same for the upper bound of routes still to be found
 _LEARNS, _LEADS = 0.01, 0.5  # least weight of one that learns its pace, and tells the drive's
-_SHORT = 20.0  # s, below which no search copies routes of another: copies have no rivals
+_SHORT = 20.0  # s, up to which, or by an odometer, no search copies routes: copies lack rivals
 _SLACK = 4.0  # nats that a route may cost more than the cheapest one of its hypothesis
 
 
@@ -47,12 +48,13 @@ class SparseFix(NamedTuple):
     jitter: float  # sigma of the change of the fix's error since the last fix, m
     bias_keep: float  # share of the GNSS bias that is kept since the last fix
     dt: float  # s since the last epoch
-    process: SpeedProcess
+    process: SpeedProcess  # of the speed, the odometer being known
     found: int  # candidates, in `work.near`
     beyond: float  # P that it is farther off than all of them
     pace: float  # speed over the usual one
     per_metre: float  # what a metre of a detour costs, nats
     coarse: bool  # whether its sigma is that of `COARSE` at least
+    driven: Driven  # by the odometer, where there is one
 
 
 class Departure(NamedTuple):
@@ -163,7 +165,8 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     coarse = fix[2] >= COARSE
     excess = likely_excess(dt) + (_EXCESS * fix[2] if coarse else 0.0)
     driver = state.driver
-    process = speed_process(dt, driver.speed_sigma)
+    driven = driven_to(driver, epoch, speed_process(dt, driver.speed_sigma), dt)
+    process = conditioned(driven)
     about = Disc(x, y, sigma)
     elsewhere = 0.0
     if coarse:
@@ -179,7 +182,7 @@ def find_candidates(belief: Belief, ctx: Context, epoch: Record, dt: float) -> S
     beyond = max(share_beyond(found, ctx.work.near, about.sigma), elsewhere)
     return SparseFix(
         fix[0], fix[1], x, y, sigma, radius, jitter, keep, dt, process, found, beyond,
-        driver.pace, 1.0 / excess, bool(coarse),
+        driver.pace, 1.0 / excess, bool(coarse), driven,
     )  # fmt: skip
 
 
@@ -193,13 +196,20 @@ def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
     pace = pace_of(hyp.leg, fix.pace)
     process = fix.process
     per_metre = fix.per_metre
+    driven = fix.driven
     if hyp.origin.waits == 2:
         dt += hyp.origin.ignored - hyp.origin.since
         per_metre *= likely_excess(fix.dt) / likely_excess(dt)
-        process = speed_process(dt, process.sigma)
+        read = hyp.origin.driven
+        known = fix.driven.gain > 0.0 and read[1] > 0.0
+        driven = driven_by(
+            speed_process(dt, process.sigma), dt, fix.driven.metres + read[0],
+            fix.driven.variance + read[1] if known else 0.0, fix.driven.wrong,
+        )  # fmt: skip
+        process = conditioned(driven)
     return SparseFix(
         fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
-        process, fix.found, fix.beyond, pace, per_metre, fix.coarse,
+        process, fix.found, fix.beyond, pace, per_metre, fix.coarse, driven,
     )  # fmt: skip
 
 
@@ -228,11 +238,11 @@ def departure_of(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> Depart
 def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale: float) -> Query:
     """Costs and limits of the search from one hypothesis."""
     sigma = fix.sigma
-    old = fix.process.distance_by_speed
-    per_metre = fix.per_metre
+    driven, per_metre = fix.driven, fix.per_metre
     beside = 0.5 * (ctx.work.near[0].distance / sigma) ** 2  # no road is nearer
     speed = float(ctx.roads.edges[hyp.edge].speed)
-    reach = old * start.rate + EXCESS_SPEED * speed * (fix.dt - old)
+    reach = driven.free.distance_by_speed * start.rate + EXCESS_SPEED * speed * driven.seconds
+    reach = max(reach, driven.metres + SPAN * math.sqrt(driven.variance))
     longest = max(reach + SPAN * math.sqrt(start.variance), 1.5 * start.straight) + _REACH
     floor = hyp.log_weight - 0.5 * math.log(start.variance + sigma * sigma) - beside
     best = ctx.work.search.run[0].best_score
@@ -240,7 +250,7 @@ def query_of(hyp: Record, ctx: Context, start: Departure, fix: SparseFix, scale:
     return Query(
         fix.map_x, fix.map_y, fix.radius * scale, per_metre, u_turn_cost(ctx.roads, hyp.edge),
         longest, floor + per_metre * start.straight - best + _AHEAD + own, _SLACK + own, _LABELS,
-        bool(hyp.origin.waits == 2 or fix.dt < _SHORT),
+        bool(hyp.origin.waits == 2 or fix.dt < _SHORT or driven.gain > 0.0),
     )  # fmt: skip
 
 
@@ -262,3 +272,5 @@ def learn_driver(belief: Belief, ctx: Context, dt: float) -> None:
         unit = speed_process(leg.seconds, 1.0)
         leads = i == top and hyp.weight >= _LEADS
         learn_leg(state.driver, hyp, unit.distance_by_speed, unit.variance, leads)
+        if leads:
+            learn_scale(state.driver, hyp)

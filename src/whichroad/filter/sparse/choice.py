@@ -21,6 +21,7 @@ from .candidates import (
     u_turn_cost,
     usual_speed,
 )
+from .driven import Driven, believed, by_speed, distance_of, is_measured
 
 _WORTH = 6.0  # nats below the best pair, from which on a route is dropped,
 _TURN_WORTH = 9.0  # and one that turns round: only later fixes show it
@@ -35,6 +36,8 @@ _WAITING = 0  # scratch: log-weight of a hypothesis whose routes are still to be
 @kernel
 def _haste_cost(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
     """Cost of a route that is longer than anybody drives in that time, nats."""
+    if is_measured(fix.driven):
+        return 0.0
     seconds = max(fix.dt, 1.0)
     speed = max(
         EXCESS_SPEED * usual, EXCESS_SPEED * start.rate, _FAST,
@@ -57,10 +60,35 @@ def _back_cost(went: float, sigma: float) -> float:
 @kernel(inline=True)
 def _misfit(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
     """-log density of a distance, but for a constant, nats."""
-    old = fix.process.distance_by_speed
-    off = went - fix.pace * usual * (fix.dt - old) - start.rate * old
+    driven, square = fix.driven, fix.sigma * fix.sigma
+    usual *= fix.pace
+    off = went - by_speed(driven, usual, start.rate)
+    wide = heavy_tail(start.variance, off, fix.jitter) + square
+    if driven.gain == 0.0:
+        return 0.5 * (off * off / wide + math.log(wide))
+    wide = heavy_tail(start.variance + driven.free.variance, off, fix.jitter) + square
+    alone = 0.5 * (off * off / wide + math.log(wide))
+    off = went - distance_of(driven, usual, start.rate)
+    wide = start.variance + square
+    read = 0.5 * (off * off / wide + math.log(wide)) + _odd(driven, usual, start.rate)
+    return believed(read, alone, driven.wrong)
+
+
+@kernel
+def _seen_by_fix(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
+    """What observing the fix will cost who arrives by a distance, nats; see `arrival`."""
+    off = went - distance_of(fix.driven, fix.pace * usual, start.rate)
     wide = heavy_tail(start.variance, off, fix.jitter) + fix.sigma * fix.sigma
     return 0.5 * (off * off / wide + math.log(wide))
+
+
+@kernel
+def _odd(driven: Driven, usual: float, rate: float) -> float:
+    """What the distance that was read has against the usual speed of a route, nats."""
+    off = driven.metres - by_speed(driven, usual, rate)
+    variance = driven.free.variance + driven.variance
+    wide = heavy_tail(variance, off, 0.0)
+    return 0.5 * driven.gain * (off * off / wide + math.log(wide / variance))
 
 
 @kernel
@@ -161,11 +189,14 @@ def _weigh(
     cost += _haste_cost(went, way.usual, start, fix)
     if went < 0.0:
         cost += _back_cost(went, math.hypot(belief.hyp[i].along_sigma, fix.jitter))
-    score = belief.hyp[i].log_weight - cost - _misfit(went, way.usual, start, fix)
+    misfit = _misfit(went, way.usual, start, fix)
+    score = belief.hyp[i].log_weight - cost - misfit
     score -= 0.5 * (near.distance / fix.sigma) ** 2
     if score >= run.best_score - way.worth:
         run.best_score = max(run.best_score, score)
         before = run.pairs
+        if fix.driven.gain > 0.0:  # the fix says the rest
+            cost += misfit - _seen_by_fix(went, way.usual, start, fix)
         _add_pair(search, i, way.label, goal, score, cost)
         if run.pairs > before:
             search.pair[before].turned = 1 if turned else 0
@@ -297,8 +328,7 @@ def _weigh_turn(
     nearest = max(begin, here)
     least = 2.0 * nearest - begin - here
     usual = usual_speed(roads, came, time, edge, least)
-    old = fix.process.distance_by_speed
-    expected = fix.pace * usual * (fix.dt - old) + start.rate * old
+    expected = distance_of(fix.driven, fix.pace * usual, start.rate)
     more = min(max(expected - came - least, 0.0), 2.0 * (road.length - nearest))
     factor = float(road.cost) / road.length
     cost += u_turn_cost(roads, edge) + query.per_metre * factor * (least + more)

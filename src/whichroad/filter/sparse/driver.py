@@ -18,6 +18,10 @@ DRIVER = np.dtype(
         ("speed_sigma", "f8"),  # sigma of the speed about that, m/s
         ("known", "f8"),  # information on the pace
         ("energy", "f8", (2,)),  # of deviations, (m/s)², and their number
+        ("odometer", "f8"),  # as read at the last epoch, m; 0: not read
+        ("scale", "f8"),  # metres for each of its metres,
+        ("scale_variance", "f8"),  # and how unsure that is
+        ("wrong", "f8"),  # P(what it reads of a leg says nothing)
     ],
     align=True,
 )
@@ -32,6 +36,7 @@ LEG = np.dtype(
         ("variance", "f8"),  # of the place at its start, m²
         ("pace", "f8"),  # of the vehicle's way so far, speed over the usual one; 0: as the drive's
         ("known", "f8"),  # information on it
+        ("driven", "f8"),  # by the odometer, m; < 0: it told nothing
         ("haste", "f8"),  # what its speed has said against its roads, nats, >= 0: filter.haste
     ],
     align=True,
@@ -39,6 +44,10 @@ LEG = np.dtype(
 
 PACE, SPEED_SIGMA = 0.7, 5.0  # of a driver of whom nothing is known; m/s
 
+_SCALE_SIGMA = 0.03  # of an odometer: tyres wear
+_WRONG, _MOST_WRONG = 0.01, 0.9  # P(a leg of it says nothing): at first, and of one that never fits
+_LEGS = 6.0  # over which that is learnt
+_CONTRADICTS = 16.0  # squared sigmas from which on a leg says nothing of it
 _PACE_SIGMA = 0.25  # of a driver's pace about the usual one
 _SPREADS = 4.0  # legs that count as much as what is believed before
 _FREEDOM = 4.0  # of the Student distribution of deviations: vehicles stop
@@ -59,6 +68,8 @@ def begin_driver(driver: Record) -> None:
     driver.known = 1.0 / (_PACE_SIGMA * _PACE_SIGMA)
     driver.energy[0] = _SPREADS * SPEED_SIGMA * SPEED_SIGMA
     driver.energy[1] = _SPREADS
+    driver.scale, driver.scale_variance = 1.0, _SCALE_SIGMA * _SCALE_SIGMA
+    driver.wrong = _WRONG
 
 
 @kernel
@@ -78,6 +89,7 @@ def begin_leg(leg: Record) -> None:
 def forget_leg(leg: Record) -> None:
     """There is none."""
     leg.at = leg.seconds = leg.length = leg.free = leg.begun = leg.variance = 0.0
+    leg.driven = -1.0
 
 
 @kernel
@@ -124,3 +136,26 @@ def learn_leg(driver: Record, hyp: Record, by_speed: float, unit: float, leads: 
     short = (1.0 - kept) * _SPREADS  # what is believed before does not fade
     sigma2 = (driver.energy[0] + short * SPEED_SIGMA * SPEED_SIGMA) / (driver.energy[1] + short)
     driver.speed_sigma = min(max(math.sqrt(sigma2), _LEAST_SIGMA), _MOST_SIGMA)
+
+
+@kernel
+def learn_scale(driver: Record, hyp: Record) -> None:
+    """Learn the odometer's scale from the leg that a hypothesis has driven, and whether it fits.
+
+    Args:
+        driver: In place.
+        hyp: The hypothesis; its abscissa is up to date.
+    """
+    leg = hyp.leg
+    if leg.driven < 0.0:
+        return
+    read = leg.driven / driver.scale
+    off = leg.length + hyp.along - leg.driven
+    wide = leg.variance + hyp.along_sigma**2 + driver.scale_variance * read * read
+    odd = off * off > _CONTRADICTS * wide
+    driver.wrong += ((_MOST_WRONG if odd else _WRONG) - driver.wrong) / _LEGS
+    if odd:
+        return
+    gain = driver.scale_variance * read / wide
+    driver.scale += gain * off
+    driver.scale_variance *= 1.0 - gain * read

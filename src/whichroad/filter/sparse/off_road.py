@@ -29,6 +29,7 @@ from ..state import (
 )
 from .arrival import HEADING_NOISE, observe_line
 from .candidates import SparseFix
+from .driven import is_measured, straight_cost
 from .driver import SPEED_SIGMA, forget_leg
 from .parked import is_parked
 
@@ -81,12 +82,15 @@ def _predict_off_road(hyp: Record, state: Record, fix: SparseFix) -> None:
     """
     mean = hyp.mu
     cov = hyp.cov
-    process = fix.process
+    process = fix.driven.free
     walked = max(min(_TURNS * fix.dt, _ANY_HEADING - cov[H, H]), 0.01)
     chord = chord_moments(cov[H, H], walked)
     _learn_speed(hyp, state, fix, chord.mean)
     way = max(mean[K], _LEAST_SPEED) * fix.dt
-    square = way * way + process.variance + fix.dt * fix.dt * cov[K, K]
+    more = process.variance + fix.dt * fix.dt * cov[K, K]
+    if is_measured(fix.driven):
+        way, more = max(fix.driven.metres, _LEAST_SPEED), fix.driven.variance
+    square = way * way + more
     forward = chord.mean * fix.dt
     moved = (forward * mean[K]) ** 2
     along = square * chord.along - moved - forward * forward * cov[K, K]
@@ -100,6 +104,8 @@ def _predict_off_road(hyp: Record, state: Record, fix: SparseFix) -> None:
     q = Noise(max(along, least), max(across, least), walked, 0.0, 0.0, 0.0)
     anywhere = max(0.5 * way * way, tail) + process.variance + fix.sigma**2
     seen = math.sqrt((q.along + fix.sigma**2) * (q.across + fix.sigma**2))
+    straight = math.hypot(fix.x - mean[X], fix.y - mean[Y]) / state.scale
+    hyp.log_weight -= straight_cost(fix.driven, straight, 2.0 * fix.sigma)
     hyp.log_weight -= max(math.log(anywhere / seen), 0.0)  # else who drives straight on gains
     predict_plane(mean, cov, Increment(forward, 0.0, forward, 0.0, 0.0), state.scale, q)
     decay(mean, cov, K, mean[K], process.keep, SPEED_SIGMA * SPEED_SIGMA)

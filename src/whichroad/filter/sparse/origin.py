@@ -15,6 +15,7 @@ ORIGIN = np.dtype(
         ("rate", "f8"),  # speed then, m/s
         ("rate_variance", "f8"),  # (m/s)²
         ("cross", "f8"),  # covariance of abscissa and speed, m²/s
+        ("driven", "f8", (2,)),  # by the odometer to the fix ignored, m, m²; variance 0: not told
         ("edge", "i4"),  # then
         ("entries", "i4"),  # of the path tree since then
         ("waits", "u1"),  # 1: until the next fix decides; 2: it is there again, as that has come
@@ -28,6 +29,7 @@ def forget_origin(origin: Record) -> None:
     """It waits for nothing."""
     origin.since = origin.ignored = origin.along = origin.variance = 0.0
     origin.rate = origin.rate_variance = origin.cross = 0.0
+    origin.driven[0] = origin.driven[1] = 0.0
     origin.edge = origin.entries = origin.waits = 0
 
 

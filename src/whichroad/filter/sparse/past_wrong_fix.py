@@ -17,6 +17,7 @@ from ..speed_process import SpeedProcess, speed_process
 from ..state import CAPACITY, KEPT, NO_EDGE, Belief, Context, K, Path, enter, move_row
 from .arrival import Foot, Transition, place_on_road, predict_transition
 from .candidates import SparseFix
+from .driven import conditioned, driven_by
 from .driver import SPEED_SIGMA, likely_excess, pace_of
 from .origin import is_waiting
 from .wrong_fix import carry
@@ -63,7 +64,7 @@ def _put_back(hyp: Record, state: Record, ctx: Context) -> None:
     s = float(origin.along)
     segment, x, y, tx, ty = locate(ctx.roads, edge, vertex_at(ctx.roads, edge, s), s)
     inflation = origin.rate_variance / (SPEED_SIGMA * SPEED_SIGMA)
-    taken = Transition(-s, 0.0, origin.rate, origin.rate, s, 0.0, 0.0, inflation)
+    taken = Transition(-s, 0.0, origin.rate, origin.rate, s, 0.0, 0.0, 0.0, inflation)
     foot = Foot(s, x, y, tx, ty)
     before = math.atan2(hyp.tangent[1], hyp.tangent[0])
     hyp.segment = segment
@@ -115,7 +116,12 @@ def note_between(
     child = belief.hyp[state.count - 1]
     route = ctx.work.search.label
     length = route[label].length if label >= 0 else -belief.hyp[source].along
-    metres = max(length + child.along, 0.0) * waited / fix.dt
+    part = waited / fix.dt
+    if fix.driven.metres > 0.0 and origin.driven[1] > 0.0:
+        part = min(max(origin.driven[0] / fix.driven.metres, 0.0), 1.0)
+    metres = max(length + child.along, 0.0) * part
+    process = speed_process(waited, fix.process.sigma)
+    driven = driven_by(process, waited, origin.driven[0], origin.driven[1], 0.0)
     at = label
     while at >= 0 and route[at].length > metres:
         at = int(route[at].parent)
@@ -125,8 +131,8 @@ def note_between(
         belief, ctx, row, at, metres,
         SparseFix(
             fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep,
-            waited, speed_process(waited, fix.process.sigma), fix.found, fix.beyond, fix.pace,
-            1.0 / likely_excess(waited), fix.coarse,
+            waited, conditioned(driven), fix.found, fix.beyond, fix.pace,
+            1.0 / likely_excess(waited), fix.coarse, driven,
         ),
     )  # fmt: skip
     entry = int(child.path_entry)

@@ -35,8 +35,10 @@ from .candidates import (
     SparseFix,
     find_candidates,
     fix_of,
+    usual_speed,
 )
 from .choice import choose_routes
+from .driven import stood_by_odometer
 from .driver import forget_leg
 from .dropped import likelihood_left, note_dropped
 from .off_road import exchange_off_road
@@ -76,6 +78,9 @@ def _stand(belief: Belief, roads: Roads, i: int, fix: SparseFix) -> bool:
     if hyp.stood == 0.0:
         share *= comes_to_stand(hyp.mu[K], hyp.cov[K, K])
         share = min(share, comes_to_stand_within(fix.dt)) if fix.coarse else share
+    if fix.driven.gain > 0.0:
+        usual = fix.pace * usual_speed(roads, 0.0, 0.0, hyp.edge, 0.0)
+        share = stood_by_odometer(share, fix.driven, usual, hyp.mu[K])
     if hyp.weight * share < _STANDING or belief.state[0].count >= CAPACITY:
         return False
     child = int(belief.state[0].count)
@@ -99,6 +104,8 @@ def _take_best_routes(
 ) -> int:
     """Append children for the pairs of the largest scores; returns how many."""
     search = ctx.work.search
+    since = history.since[0]
+    since.driven[0], since.driven[1] = fix.driven.metres, fix.driven.variance
     whole = likelihood_left(search)
     first = int(belief.state[0].count)
     arrived = 0

@@ -40,6 +40,7 @@ from .arrival import (
     predict_transition,
 )
 from .candidates import SparseFix, usual_speed, variance_along
+from .driven import distance_of, faster_by
 from .driver import forget_leg
 
 _DEARER = 1.0  # nats by which the best route to a fix that may be wrong is dearer than usual
@@ -156,7 +157,9 @@ def carry(
     length = ctx.work.search.label[label].length if label >= 0 else -hyp.along
     s = min(max(metres - length, 0.0), float(ctx.roads.edges[edge].length))
     variance = variance_along(hyp, tx, ty, fix.process)
-    taken = Transition(length, 0.0, fix.pace * free, free, s, variance, fix.process.variance, 1.0)
+    usual = fix.pace * free
+    faster = faster_by(fix.driven, usual, hyp.mu[K])
+    taken = Transition(length, 0.0, usual, free, s, variance, faster, fix.process.variance, 1.0)
     segment, x, y, ux, uy = locate(ctx.roads, edge, vertex_at(ctx.roads, edge, s), s)
     foot = Foot(s, x, y, ux, uy)
     hyp.segment = segment
@@ -185,6 +188,7 @@ def _note_origin(belief: Belief, row: int, fix: SparseFix) -> None:
     origin.rate = hyp.mu[K]
     origin.rate_variance = cov[K, K]
     origin.cross = tx * (cov[X, K] + cov[MX, K]) + ty * (cov[Y, K] + cov[MY, K])
+    origin.driven[0], origin.driven[1] = fix.driven.metres, fix.driven.variance
     origin.edge = hyp.edge
     origin.entries = 0
     origin.waits = 1
@@ -204,9 +208,8 @@ def drive_on(belief: Belief, path: Path, ctx: Context, top: int, fix: SparseFix)
     state = belief.state[0]
     track(belief, ctx.roads, top)
     begin = int(belief.hyp[top].edge)
-    old = fix.process.distance_by_speed
     usual = usual_speed(ctx.roads, 0.0, 0.0, begin, 0.0)
-    metres = max(fix.pace * usual * (fix.dt - old) + belief.hyp[top].mu[K] * old, 0.0)
+    metres = max(distance_of(fix.driven, fix.pace * usual, belief.hyp[top].mu[K]), 0.0)
     label = _walk(ctx, begin, belief.hyp[top].along, metres)
     child = int(state.count)
     move_row(belief, top, child)
