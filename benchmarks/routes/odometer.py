@@ -57,7 +57,5 @@ def measure(options: Options) -> list[Figure]:
         for column, what in enumerate(("with an odometer", "fixes alone")):
             counts = rows[:, [column, 2]]
             text = f"route mismatch, {what}, Heidelberg {every} s"
-            figures.append(
-                Figure(text, share(counts), "", "%", len(rows), interval(share, counts))
-            )
+            figures.append(Figure(text, share(counts), "", "%", len(rows), interval(share, counts)))
     return figures

@@ -105,6 +105,23 @@ def test_a_wheel_that_stands_is_noticed_at_once_without_a_fix():
     assert takeover.wrong == [True, False]
 
 
+@pytest.mark.parametrize(
+    ("arc", "wheels", "gyro"),
+    [
+        pytest.param(0.2, 0.135, 0.126, id="as narrow as no car turns, by both"),
+        pytest.param(2.63, 0.054, 0.007, id="a count of one wheel more, on a motorway"),
+    ],
+)
+def test_what_counts_are_rounded_by_makes_no_wheels_wrong(arc: float, wheels: float, gyro: float):
+    turns = {0: 1.0, 1: 1.0, 20: -1.0, 21: -1.0}
+    sides = [turns.get(k % 40, 0.0) for k in range(400)]
+    steps = [(0.1 * k, arc, one * wheels, one * gyro) for k, one in enumerate(sides)]
+    takeover, said = taken(steps)
+    assert takeover.wrong == [False, False]
+    assert takeover.seconds == [0.0, 0.0]
+    assert {by for _, _, by in said} == {BY_WHEELS}
+
+
 def test_without_a_fix_neither_outvotes_the_other_and_the_road_turns():
     noise = np.random.default_rng(1).normal(0.0, 1e-3, 200)
     steps = [(0.1 * k, 1.0, 0.02 if k > 100 else 0.0, float(noise[k])) for k in range(1, 200)]

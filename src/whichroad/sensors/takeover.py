@@ -25,7 +25,7 @@ _DIFFER, _DISPUTE = 0.4, 0.5  # rad by which turns differ; without fixes
 _SETTLED = 0.15  # rad, below which a dispute is over
 _CURVED, _HARDEST = 0.45, 14.0  # 1/m, m/s²: what no car does
 _MOVES, _SOON = 1.0, 0.3  # m, of a second, and of the last readings
-_TICKS = 0.08  # rad by which counts are rounded
+_TICKS = 0.08  # rad by which counts are rounded, so that no less is wrong
 _SAME, _STUCK = 1e-6, 2.0  # rad/s between readings, and s, of a gyro that is stuck,
 _UNLIKE = 0.15  # rad by which the wheels turn otherwise meanwhile
 _REFUSED, _MOST, _LEAST = 3.0, 6.0, -3.0  # of a score
@@ -119,7 +119,8 @@ class Takeover:
             part.popleft()
         past = [sum(column) for column in zip(*part, strict=True)] if part else [0.0] * 6
         t, far, w, g = (a + b for a, b in zip(past[:4], (dt, arc, wheels, gyro), strict=True))
-        if self.wrong[GYRO] or _impossible(t, far, g, _SOON) or not _impossible(t, far, w, _SOON):
+        sound = abs(w - g) <= _TICKS or not _impossible(t, far, w, _SOON)
+        if self.wrong[GYRO] or sound or _impossible(t, far, g, _SOON):
             return arc, wheels, UNTURNED if self.disputed else BY_WHEELS
         self._count(WHEELS, _REFUSED)
         self.wrong[WHEELS] = True  # and what was given of these wheels is taken back
@@ -207,7 +208,7 @@ class Takeover:
         for k, product in enumerate((wheels * wheels, wheels * gyro, gyro * gyro)):
             self.sums[k] = kept * self.sums[k] + product
         impossible = [_impossible(since, arc, turn) for turn in (wheels, gyro)]
-        if impossible[WHEELS] != impossible[GYRO]:
+        if impossible[WHEELS] != impossible[GYRO] and abs(wheels - gyro) > _TICKS:
             self._count(WHEELS if impossible[WHEELS] else GYRO, _REFUSED)
         self._by_fixes(since)
         self._dispute(time)
@@ -289,4 +290,5 @@ def _impossible(seconds: float, arc: float, turn: float, least: float = _MOVES) 
     """Whether no car turns so."""
     if abs(arc) < least:
         return False
-    return abs(turn) > _CURVED * abs(arc) + _TICKS or abs(turn * arc) > _HARDEST * seconds * seconds
+    turned = abs(turn) - _TICKS
+    return turned > _CURVED * abs(arc) or turned * abs(arc) > _HARDEST * seconds * seconds
