@@ -1,5 +1,6 @@
 """Which sensors are believed: on a drive through bends, each fault by its own name and no other."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,7 +11,15 @@ from whichroad._compile import Record
 from whichroad.diagnosis.sensors import sensor_findings
 from whichroad.filter.motion import arc_chord
 from whichroad.filter.state import CLOCK, DISTANCE, WHEELS, new_belief, new_epochs
-from whichroad.filter.vetting.motion_sources import ARC, COURSE, SOURCES, SPEED, TURN, is_borne_out
+from whichroad.filter.vetting.motion_sources import (
+    ARC,
+    COURSE,
+    SOURCES,
+    SPEED,
+    TURN,
+    is_borne_out,
+    is_possible,
+)
 from whichroad.filter.vetting.vet import mode_of, refuse_standing, vet
 
 RATE = 4  # epochs a second; a fix with every fourth
@@ -483,6 +492,18 @@ def of_wheels(speed: float, rate: float, seconds: float) -> Record:
         epoch.speed_sigma = epoch.course_sigma = np.inf
         vet(vetting, epoch, 0.1 if k else 0.0, WHEELS, 1.0)
     return vetting
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("speed", [0.8, 1.25, 1.4])
+def test_a_slow_vehicle_does_not_circle_about_a_counter_that_stands(speed: float, side: float):
+    """What can turn on the spot turns about a wheel by half a turn, not on and on."""
+    rate = side * speed / 0.75  # about a wheel 0.75 m beside the middle
+    half = of_wheels(speed, rate, math.pi / abs(rate))
+    assert half.impossible_at == -math.inf
+    on = of_wheels(speed, rate, 10.0)
+    assert on.impossible_at == pytest.approx(BEGIN + 14.9, abs=0.5)
+    assert not is_possible(on)
 
 
 def test_odometry_that_is_not_believed_raises_no_doubt():

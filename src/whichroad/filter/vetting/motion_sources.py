@@ -129,6 +129,7 @@ VETTING = np.dtype(
         ("agreed", "f8"),  # rad, a course that agreed with the fixes first; infinite: none did
         ("speed_sample", SAMPLE),  # at the odometer's distance, m
         ("turn_sample", SAMPLE),  # at its turns, rad
+        ("pivoted", "f8"),  # rad it has turned tighter than a car steers, while its middle moved
         ("suspect_at", "f8"),  # when odometry last changed as cars seldom do, s
         ("misfit", "f8"),  # m to the last fix that fitted no hypothesis, and three of its sigmas
         ("forked_at", "f8"),  # when a fix last fitted nothing, s,

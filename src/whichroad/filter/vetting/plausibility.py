@@ -18,6 +18,7 @@ _LATERAL_SLACK = 0.15  # 1/s times the speed, of counts
 _CURVATURE = 0.4  # 1/m, more than a car's steering
 _ON_THE_SPOT = 2.0  # rad/s, as vehicles turn that can turn on the spot
 _TURN_ACCELERATION = 4.0  # rad/s²
+_PIVOTS, _MOST_PIVOT = 0.5, 4.0  # m/s from which on its middle moves; rad at once about a wheel
 _RATE_SLACK = 0.6  # rad/s
 _NO_TURN = 1e-6  # rad in an epoch
 _ROLLS = 2.0  # m/s, below which a vehicle may turn as it likes
@@ -66,7 +67,7 @@ def check_odometry(vetting: Record, epoch: Record, dt: float, sensors: int) -> N
 
 @kernel
 def _check_turn(vetting: Record, epoch: Record, dt: float) -> bool:
-    """Whether a car can turn so, at its speed."""
+    """Whether a car can turn so, at its speed, and not for long about a wheel that stands."""
     sample = vetting.turn_sample
     sample.time += dt
     sample.amount += epoch.turn
@@ -75,7 +76,11 @@ def _check_turn(vetting: Record, epoch: Record, dt: float) -> bool:
     change, limit = _take(sample, _MOST_TURN)
     size = abs(vetting.speed_sample.rate)
     rate = abs(sample.rate)
-    possible = size * rate <= _LATERAL + (_LATERAL_SLACK + limit) * size
+    pivots = size > _PIVOTS and rate > _CURVATURE * size + limit
+    alike = pivots and vetting.pivoted * sample.rate >= 0.0
+    vetting.pivoted = vetting.pivoted + sample.rate * sample.lasted if alike else 0.0
+    possible = abs(vetting.pivoted) <= _MOST_PIVOT
+    possible = possible and size * rate <= _LATERAL + (_LATERAL_SLACK + limit) * size
     possible = possible and rate <= _CURVATURE * size + _ON_THE_SPOT + limit
     if size > _ROLLS:
         possible = possible and change <= _TURN_ACCELERATION * sample.lasted + _RATE_SLACK + limit
