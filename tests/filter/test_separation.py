@@ -14,6 +14,7 @@ from scenes import (
     drive_along,
     epochs_of,
     gnss,
+    grid_town,
     localize,
     network,
     steps,
@@ -164,3 +165,20 @@ def test_wheels_found_impossible_soon_after_a_misfit_have_caused_it():
         row = output.rows[k]
         if k > 760:
             assert np.hypot(row.x - DRIVE.x[k], row.y - DRIVE.y[k]) < 15.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fixes_that_ran_away_are_not_believed_alone_once_wheels_are_again(seed: int):
+    """They run away from a car that stands, at a car's speed, and its wheels are refused."""
+    truth = drive_along(np.array([[0, 0], [3, 0], [3, 3], [6, 3], [6, 6], [8, 6]]) * 110.0)
+    stood, _ = brake(truth, 700, 300, goes_on=True)
+    begin = int(np.flatnonzero(np.hypot(np.gradient(stood.x), np.gradient(stood.y)) < 0.01)[0])
+    fix = gnss(stood, sigma=2.0, seed=seed)
+    since = stood.time - stood.time[begin + 100]
+    away = np.where((since > 0.0) & (since < 60.0), 4.0 * since, 0.0)
+    fix[:, :2] += np.outer(away, [np.cos(4.7), np.sin(4.7)])
+    epochs = epochs_of(stood, fix, range(0, len(stood.time), 10), course=0.1)
+    rows = localize(network(grid_town(9, 9, 110.0)), epochs).output.rows
+    error = np.hypot(rows.x - stood.x, rows.y - stood.y)
+    assert (error > rows.protection_level).sum() < 10
+    assert np.all(error[-100:] < 15.0)

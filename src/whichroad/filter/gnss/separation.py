@@ -65,7 +65,10 @@ def _is_due(state: Record) -> bool:
 
 @kernel
 def _reckon(state: Record, par: Record, gyro: int) -> None:
-    """Move the copies by the odometry since the last anchor, or drop them without it."""
+    """Move the copies by the odometry since the last anchor, or drop them without it.
+
+    Odometry that is believed anew was wrong before, or else the fixes were that it differed from.
+    """
     separation = state.separation
     windows = state.vetting.windows
     anchor = windows.anchors[(windows.count - 1) % ANCHORS]
@@ -80,18 +83,17 @@ def _reckon(state: Record, par: Record, gyro: int) -> None:
         clock = GYRO_PACE if abs(arc) > 0.0 else 0.0
     move = Increment(arc, anchor.turn - sums[2], c * dx + s * dy, c * dy - s * dx, clock)
     noise = crept(state.vetting.slow, wheel_noise(par, abs(arc), move.turn))
-    sums[0] = anchor.ox
-    sums[1] = anchor.oy
-    sums[2] = anchor.turn
-    sums[3] = anchor.arc
+    sums[0], sums[1] = anchor.ox, anchor.oy
+    sums[2], sums[3] = anchor.turn, anchor.arc
     outvoted = state.vetting.refused[ARC] == 1 and anchor.speeds == 1
     sound = anchor.odometry == 1 and not outvoted and is_possible(state.vetting)
-    anew = state.vetting.returned_at  # what copies before have been moved by was wrong
+    anew = state.vetting.returned_at  # what copies before have been moved by may be wrong
     for k in range(COPIES):
         copy = separation.reckoned[k]
         if copy.live == 0:
             continue
-        if sound and copy.begun >= anew and state.time - copy.begun <= _LONGEST:
+        holds = copy.begun >= anew or copy.p > _SPLITS
+        if sound and holds and state.time - copy.begun <= _LONGEST:
             predict_plane(copy.mu, copy.cov, move, state.scale, noise)
         else:
             copy.live = 0
@@ -108,16 +110,14 @@ def _compare(state: Record, copy: Record, top: Record) -> None:
     """
     dx = (copy.mu[X] - top.mu[X]) / state.scale
     dy = (copy.mu[Y] - top.mu[Y]) / state.scale
-    copy.away[0] = dx
-    copy.away[1] = dy
+    copy.away[0], copy.away[1] = dx, dy
     xx = copy.cov[X, X] - top.cov[X, X]
     xy = copy.cov[X, Y] - top.cov[X, Y]
     yy = copy.cov[Y, Y] - top.cov[Y, Y]
     middle = 0.5 * (xx + yy)
     apart = math.sqrt(0.25 * (xx - yy) ** 2 + xy * xy)
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-    c = math.cos(angle)
-    s = math.sin(angle)
+    c, s = math.cos(angle), math.sin(angle)
     chi2 = (c * dx + s * dy) ** 2 / max(middle + apart, _LEAST)
     chi2 += (c * dy - s * dx) ** 2 / max(middle - apart, _LEAST)
     copy.p = 1.0 / (1.0 + math.exp(max(_PRIOR - 0.5 * chi2 / _SOFT, -50.0)))
@@ -171,8 +171,7 @@ def _split(belief: Belief, path: Path, ctx: Context, copy: Record) -> None:
     middle = 0.5 * (cov[X, X] + cov[Y, Y])
     apart = math.sqrt(0.25 * (cov[X, X] - cov[Y, Y]) ** 2 + cov[X, Y] ** 2)
     place = ctx.work.row
-    place[0] = copy.mu[X]
-    place[1] = copy.mu[Y]
+    place[0], place[1] = copy.mu[X], copy.mu[Y]
     place[2] = math.sqrt(middle + apart)
     place[3] = math.sqrt(max(middle - apart, _LEAST))
     place[4] = 0.5 * math.atan2(2.0 * cov[X, Y], cov[X, X] - cov[Y, Y])
