@@ -128,6 +128,8 @@ GROSS = np.dtype(  # a receiver's error that may be a gross one, see `gnss.gross
         ("offered", "f8"),  # s, when a place at the fix was last offered
         ("error", "f8", (2,)),  # of the receiver, m, axes of the plane,
         ("sigma", "f8"),  # and its usual sigma, m
+        ("astray", "f8"),  # P(fixes err, if they lead off the roads),
+        ("aged", "f8"),  # and s, until when that has faded
     ],
     align=True,
 )

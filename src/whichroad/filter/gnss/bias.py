@@ -7,6 +7,7 @@ from ..slow_states import age_bias
 from ..state import GX, GY, NOTHING, RECEIVER, WHEELS, Belief, Context, X, Y
 
 FAULT = 6.0  # sigmas; an error beyond this is a receiver that has lost lock
+BIASED_BY = 30.0  # m, on each axis, of one that has found its satellites in a wrong place
 FINE = 1.0  # m; a receiver whose errors are smaller shows how a vehicle leaves its line
 _USUAL = 2.0  # sigmas within which an error is a usual one again
 _WANDERS = 3.0  # m in the first second, of the error of a receiver that is blamed,
@@ -34,6 +35,15 @@ def is_solved(state: Record, fix: Vector) -> bool:
     """Whether a receiver beside wheels reports centimetres since this fix: it has new integers."""
     finer = fix[2] < _CENTIMETRES and fix[2] * _SOLVED < state.reported[1]
     return bool(finer and state.mode == WHEELS)
+
+
+@kernel
+def may_lead_astray(state: Record, p: float) -> None:
+    """Note that fixes err from now on by 30 m with a probability, unless the receiver is fine."""
+    gross = state.separation.gross
+    if not is_fine(state):
+        gross.astray = max(float(gross.astray), p)
+        gross.aged = state.time
 
 
 @kernel

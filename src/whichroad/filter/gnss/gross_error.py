@@ -18,6 +18,9 @@ the receiver was wrong, the receiver is right again.
 Where no turns are measured, a single wrong fix may have moved the belief: P(the receiver) = 1/6
 there.
 
+Where fixes have jumped, or the vehicle was looked for anew at them, they may err by some 30 m for
+about τ.  Roads show that; a vehicle that they lead off the roads is covered (`summary.estimate`).
+
 Any other receiver is held so where no turns are measured.  A fix that fits nothing is its error
 then (`gnss.position`), and the map's line may have turned elsewhere than the vehicle.
 """
@@ -228,6 +231,8 @@ def heed_gross_error(belief: Belief, ctx: Context, time: float) -> None:
     """
     state = belief.state[0]
     gross = state.separation.gross
+    gross.astray *= math.exp(-max(time - gross.aged, 0.0) / ctx.par[0].gnss_fault_time)
+    gross.aged = time
     agreed = gross.p == 0.0
     gross.p = 0.0
     fine = is_fine(state)

@@ -8,12 +8,13 @@ import math
 
 from ..._compile import Record, kernel
 from ..state import Belief
-from .bias import FINE, free_bias, stray, trace_of
+from .bias import FINE, free_bias, may_lead_astray, stray, trace_of
 from .position import NU0, NU1, V00, V01, V11, Axes
 from .sides import weight_off_roads
 
 _CHANGES, _CHANGE = 0.01, 12.0  # 1/s, m per axis: the error of a receiver that is alone
 _ASIDE = 3.0  # m per axis, by which a vehicle leaves its road's line about as often
+_ERRS = 0.1  # P(it errs by more) from a jump on, if fixes lead off the roads
 _FREQUENT = 4.0  # s between fixes, up to which it is followed
 
 
@@ -91,6 +92,7 @@ def jump_or_stray(
             stray(hyp, _ASIDE**2)
         elif alone:
             free_bias(hyp, more)
+            may_lead_astray(state, _ERRS)
             hyp.log_weight += rarer
         else:
             continue

@@ -21,7 +21,7 @@ from ..state import (
     move_row,
     rescale,
 )
-from .bias import free_bias, stray, trace_of
+from .bias import BIASED_BY, free_bias, may_lead_astray, stray, trace_of
 from .position import NU0, NU1, V00, V11, Axes
 
 _OF_SIDE = 1e-3  # of one for which a side is alive
@@ -35,8 +35,7 @@ _MOST_TURNED = 1.5  # rad, more than a linear model bears
 _LASTING = 0.1  # by which a scale may be wrong for long (one sigma),
 _LASTS = 10.0  # and s, of which each says so anew
 _COUNTS = 0.2  # share of a fix's evidence that counts between sides
-_BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place),
-_BIASED_BY = 30.0  # and m, how far away on each axis
+_BIASED = 0.2  # P(a receiver that was silent has found its satellites in a wrong place)
 _OF_BIASED = 1e-4  # of the weight, of a hypothesis for which that is considered
 
 
@@ -217,7 +216,8 @@ def fork_biased(belief: Belief) -> None:
     that has driven on regardless of the fix is of the latter kind.
     """
     state = belief.state[0]
-    more = 2.0 * _BIASED_BY**2 / trace_of(state)
+    may_lead_astray(state, _BIASED)
+    more = 2.0 * BIASED_BY**2 / trace_of(state)
     for i in range(state.count):
         hyp = belief.hyp[i]
         if hyp.ignores == BIASED:

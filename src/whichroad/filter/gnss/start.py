@@ -7,12 +7,14 @@ from ..gyro import restart
 from ..hypotheses.births import Start, cold_start
 from ..map_error import forget_map
 from ..state import CLOCK, WHEELS, Belief, Context, Path, X, Y
+from .bias import may_lead_astray
 from .inflation import COARSE, inflation_of, is_inflated, tail_of
 from .noise import update_root
 from .position import has_course
 from .sides import keep_bias
 
 _FINER = 3.0  # times
+_EITHER = 0.5  # P(fixes err) where the vehicle is looked for anew at them
 _LONG_WAY = 100.0  # m without a fix, behind which hypotheses may be anywhere:
 _ANYWHERE, _FINE = 150.0, 10.0  # m, least sigma of them, and over that of the fix
 
@@ -105,6 +107,8 @@ def start_at_fix(belief: Belief, path: Path, ctx: Context, epoch: Record) -> boo
     """Start, or start anew, from the epoch's fix; returns whether the heading is known."""
     par = ctx.par[0]
     state = belief.state[0]
+    if state.misfits >= par.lost_after:
+        may_lead_astray(state, _EITHER)
     if state.gnss_factor == 0.0 or is_far_finer(state, epoch):
         begin_factor(state, par, epoch)
     forget_map(state)

@@ -10,6 +10,7 @@ from ..._compile import Array, Cube, Record, Records, Vector, entry, kernel
 from ...graph.geometry import wrap
 from ...graph.network import records
 from ..gnss.behind import cover_delay
+from ..gnss.bias import BIASED_BY
 from ..gnss.carried import cover_carried
 from ..gnss.departure import cover_departure, p_elsewhere
 from ..gnss.separation import cover, cover_fixes, cover_gross_error, cover_scale
@@ -150,6 +151,7 @@ def describe(
         cover_fixes(state, out, ctx.par[0].protection_risk)
         cover_scale(state, out, ctx.par[0].protection_risk)
         cover_gross_error(state, top, out, ctx.par[0].protection_risk)
+        _cover_astray(state, off, out, ctx.par[0].protection_risk)
     unknown = _unknown(state, out, ctx.par[0].unknown)
     off += unknown * (1.0 - off)
     out.p_off_road = off
@@ -241,6 +243,20 @@ def _reach(out: Record, least: float) -> None:
     out.protection_level = max(out.protection_level, least)
     out.level_along = max(out.level_along, least)
     out.level_across = max(out.level_across, least)
+
+
+@kernel
+def _cover_astray(state: Record, off: float, out: Record, risk: float) -> None:
+    """Let an estimate off the roads cover that fixes err, where they have led it there.
+
+        r = a √(2 log(p P(off) / risk)),    a = 30 m
+
+    with p = P(they err), since they have jumped.  Roads would show it; off them nothing does.
+    """
+    p = state.separation.gross.astray * off
+    if p > risk:
+        _reach(out, BIASED_BY * math.sqrt(2.0 * math.log(p / risk)))
+        _add_variance(out, p * BIASED_BY**2)
 
 
 @kernel
