@@ -1,5 +1,7 @@
 """Rows and files of several vehicles are several drives, and never one."""
 
+import json
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -412,3 +414,65 @@ def test_only_steps_within_a_drive_alternate():
     assert (found == np.concatenate([one, [False], one, [False], one])).all()
     assert not alternating(lat[:n][rows.of == 0], lon[:n][rows.of == 0]).any()
     assert alternating(lat[:1], lon[:1]).shape == (0,)
+
+
+def records(k, **more):
+    """The places of a trip as JSON has them; trip k has 10 + k, an hour after the one before."""
+    return going(t0=T0 + 3600.0 * k, n=10 + k).assign(**more).to_dict("records")
+
+
+def trips(**ids):
+    return [{**{name: f"{v}{k}" for name, v in ids.items()}, "points": records(k)} for k in (0, 1)]
+
+
+LISTS = {
+    "below a key": ({"trips": trips(trip_id="t", vehicle="v")}, ["t0", "t1"]),
+    "in a list": (trips(trip_id="t"), ["t0", "t1"]),
+    "in objects by key": ({t["trip_id"]: t for t in trips(trip_id="t")}, ["t0", "t1"]),
+    "columns": ([{"trip_id": f"t{k}", **going(n=10 + k).to_dict("list")} for k in (0, 1)],
+                ["t0", "t1"]),
+    "of rows that have ids": (records(0, trip_id="t0") + records(1, trip_id="t1"), ["t0", "t1"]),
+    "of vehicles": (trips(device="v"), ["v0", "v1"]),
+    "by id": (trips(id="t"), ["a/t0", "a/t1"]),
+    "by name, of a vehicle": ([t | {"vehicle": "v"} for t in trips(name="t")], ["t0", "t1"]),
+    "by number": ([records(0), records(1)], ["a/0", "a/1"]),
+    "by key": ({"mon": records(0), "tue": records(1)}, ["a/mon", "a/tue"]),
+    "some without an id": ([*trips(trip_id="t")[:1], {"points": records(1)}], ["t0", "a/1"]),
+    "in one object each": ({"v1": {"run": records(0)}, "v2": {"run": records(1)}},
+                           ["a/v1", "a/v2"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", LISTS)
+def test_every_trip_of_a_json_file_is_read(shape, tmp_path):
+    content, names = LISTS[shape]
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    drives = read_drive(tmp_path / "a.json")
+    assert [(drive.drive_id, len(drive.fixes)) for drive in drives] == [
+        (name, 10 + k) for k, name in enumerate(names)
+    ]
+    assert not any(drive.skipped for drive in drives)
+    assert bool(drives[0].notes) == ("a/" in "".join(names))
+    if isinstance(content, list) and isinstance(content[0], dict):  # an object on each line
+        (tmp_path / "a.json").write_text("".join(f"{json.dumps(one)}\n" for one in content))
+        assert [drive.drive_id for drive in read_drive(tmp_path / "a.json")] == names
+
+
+def test_batches_of_a_trip_or_a_vehicle_are_one_drive(tmp_path):
+    for name in ("trip", "vehicle", "run"):
+        batches = [{name: 7, "uploaded": k, "points": records(k)} for k in range(3)]
+        (tmp_path / "a.json").write_text(json.dumps({"speed": 3.0, "batches": batches}))
+        (drive,) = read_drive(tmp_path / "a.json", id="run" if name == "run" else None)
+        assert (drive.drive_id, len(drive.fixes), drive.skipped) == ("7", 33, {})
+        assert not np.isfinite(drive.fixes.sigma_speed).any()  # that of the file is of no row
+
+
+def test_places_in_other_lists_of_a_json_file_are_counted(tmp_path):
+    stops = [{"lat": 49.4, "lon": 8.7, "name": "home"}] * 3
+    last = [{"device": t["device"], **t["points"][-1], "points": t["points"]} for t in
+            trips(device="v")]  # fmt: skip
+    for content, left in (({"stops": stops, "points": records(0)}, 3), (last, 2)):
+        (tmp_path / "a.json").write_text(json.dumps(content))
+        drives = read_drive(tmp_path / "a.json")
+        assert sum(len(drive.fixes) for drive in drives) == 10 + 11 * (len(drives) - 1)
+        assert drives[0].skipped == {"place in another list of the file": left}

@@ -1,7 +1,7 @@
 """JSON: records with places, GeoJSON, and Google's timeline, as tables.
 
 Records are the objects of a list, wherever it lies in the file, or one on each line, as
-OwnTracks writes them.  What is nested in a record is named by its path, `device.id`.
+OwnTracks writes them.
 """
 
 import json
@@ -14,13 +14,12 @@ import numpy as np
 from ..errors import ReadError
 from ..observations import Drive
 from .geometries import unproject
-from .names import find
+from .json_records import drives_of_records, flat_record
 from .reading import Reading
 from .source import Source
 from .tracks import Track, drives_of_tracks
 
 _LINE = re.compile(rb"^[^{\n]*(\{.*\})\s*$", re.MULTILINE)  # a record behind a time, as OwnTracks
-_HOMES = re.compile(r"^(?:location|position|coords?|point|gps|latlng)\.")
 _DEGREES = re.compile(r"\s*(-?[\d.]+)\s*°?,\s*(-?[\d.]+)\s*°?\s*$")  # Google: 49.4°, 8.7°
 _WGS84 = ("CRS84", "4326")
 _ADVICE = "write a CSV or Parquet with columns time, lat, lon"
@@ -46,13 +45,16 @@ def read_json(source: Source, reading: Reading) -> list[Drive]:
     elif isinstance(content, dict) and "semanticSegments" in content:
         tracks = [Track("", _of_timeline(content))]
     else:
-        tracks = [Track("", rows) for rows in _records(content)][:1]
-    if not any(track.rows for track in tracks):
+        tracks = []
+    if any(track.rows for track in tracks):
+        return drives_of_tracks(tracks, source, reading)
+    drives = [] if tracks else drives_of_records(content, source, reading)
+    if not drives:
         raise ReadError(
             f"{source.name}: JSON without records of places; NMEA 0183, a drive table (CSV, "
             f"Parquet, Arrow), GPX, GeoJSON or a CAN log was expected; {_ADVICE}"
         )
-    return drives_of_tracks(tracks, source, reading)
+    return drives
 
 
 def _content(source: Source) -> Any:
@@ -76,41 +78,6 @@ def _content(source: Source) -> Any:
 
 _GEOMETRIES = ("FeatureCollection", "Feature", "Point", "MultiPoint", "LineString",
                "MultiLineString")  # fmt: skip
-
-
-def _records(content: Any) -> Iterator[list[dict[str, Any]]]:
-    """Lists of flat records with places, the longest of each level first."""
-    if isinstance(content, dict):
-        columns = {k: v for k, v in content.items() if isinstance(v, list)}
-        if {"lat", "lon"} <= find(list(columns)).keys():  # a table, column by column
-            cells = zip(*columns.values(), strict=False)
-            yield [dict(zip(columns, row, strict=True)) for row in cells]
-        for value in sorted(columns.values(), key=len, reverse=True):
-            yield from _records(value)
-        for value in content.values():
-            if isinstance(value, dict):
-                yield from _records(value)
-    elif isinstance(content, list):
-        rows = [_flat(record) for record in content if isinstance(record, dict)]
-        named = list(dict.fromkeys(name for row in rows for name in row))
-        if {"lat", "lon"} <= find(named).keys():
-            yield rows
-        else:
-            for record in content[:100]:
-                if isinstance(record, dict | list):
-                    yield from _records(record)
-
-
-def _flat(record: dict[str, Any], path: str = "") -> dict[str, Any]:
-    """A record without nesting; what lies in `location`, `coords` and the like loses that name."""
-    flat: dict[str, Any] = {}
-    for key, value in record.items():
-        name = f"{path}{key}"
-        if isinstance(value, dict):
-            flat |= {k: v for k, v in _flat(value, f"{name}.").items() if k not in flat}
-        elif not isinstance(value, list):
-            flat.setdefault(_HOMES.sub("", name), value)
-    return flat
 
 
 def _of_timeline(content: dict[str, Any]) -> list[dict[str, Any]]:
@@ -160,8 +127,8 @@ def _of_geojson(content: dict[str, Any], source: Source) -> list[Track]:
         geometry = geometry if isinstance(geometry, dict) else {}
         places, kind = geometry.get("coordinates"), geometry.get("type")
         if kind in ("Point", "MultiPoint", None):  # one without a place is a row without it
-            there = _places(places if kind == "MultiPoint" else [places], _flat(about))
-            points += list(there) or [{**_flat(about), "lat": None, "lon": None}]
+            there = _places(places if kind == "MultiPoint" else [places], flat_record(about))
+            points += list(there) or [{**flat_record(about), "lat": None, "lon": None}]
         elif kind in ("LineString", "MultiLineString"):
             lines += _lines(places, kind == "MultiLineString", about, str(number))
     tracks = [Track("", points)] if any(row["lat"] is not None for row in points) else []
