@@ -6,7 +6,7 @@ OwnTracks writes them.
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,13 +14,13 @@ import numpy as np
 from ..errors import ReadError
 from ..observations import Drive
 from .geometries import unproject
-from .json_records import drives_of_records, flat_record
+from .google_timeline import drives_of_timeline, is_timeline
+from .json_records import dicts, drives_of_records, flat_record
 from .reading import Reading
 from .source import Source
 from .tracks import Track, drives_of_tracks
 
 _LINE = re.compile(rb"^[^{\n]*(\{.*\})\s*$", re.MULTILINE)  # a record behind a time, as OwnTracks
-_DEGREES = re.compile(r"\s*(-?[\d.]+)\s*°?,\s*(-?[\d.]+)\s*°?\s*$")  # Google: 49.4°, 8.7°
 _WGS84 = ("CRS84", "4326")
 _ADVICE = "write a CSV or Parquet with columns time, lat, lon"
 
@@ -42,13 +42,11 @@ def read_json(source: Source, reading: Reading) -> list[Drive]:
     content = _content(source)
     if isinstance(content, dict) and content.get("type") in _GEOMETRIES:
         tracks = _of_geojson(content, source)
-    elif isinstance(content, dict) and "semanticSegments" in content:
-        tracks = [Track("", _of_timeline(content))]
+        drives = drives_of_tracks(tracks, source, reading) if any(t.rows for t in tracks) else []
+    elif is_timeline(content):
+        drives = drives_of_timeline(content, source, reading)
     else:
-        tracks = []
-    if any(track.rows for track in tracks):
-        return drives_of_tracks(tracks, source, reading)
-    drives = [] if tracks else drives_of_records(content, source, reading)
+        drives = drives_of_records(content, source, reading)
     if not drives:
         raise ReadError(
             f"{source.name}: JSON without records of places; NMEA 0183, a drive table (CSV, "
@@ -80,47 +78,12 @@ _GEOMETRIES = ("FeatureCollection", "Feature", "Point", "MultiPoint", "LineStrin
                "MultiLineString")  # fmt: skip
 
 
-def _of_timeline(content: dict[str, Any]) -> list[dict[str, Any]]:
-    """The positions of Google's timeline on a phone; those of its paths, where it has no others."""
-    raw = []
-    for signal in _dicts(content.get("rawSignals")):
-        position = signal.get("position")
-        if isinstance(position, dict):
-            place = _degrees(position.get("LatLng"))
-            if place:
-                raw.append({
-                    "time": position.get("timestamp"), "lat": place[0], "lon": place[1],
-                    "accuracy": position.get("accuracyMeters"),
-                    "speed_mps": position.get("speedMetersPerSecond"),
-                })  # fmt: skip
-    if raw:
-        return raw
-    return [
-        {"time": point.get("time"), "lat": place[0], "lon": place[1]}
-        for segment in _dicts(content.get("semanticSegments"))
-        for point in _dicts(segment.get("timelinePath"))
-        if (place := _degrees(point.get("point")))
-    ]
-
-
-def _dicts(values: Any) -> Iterator[dict[str, Any]]:
-    return (v for v in (values if isinstance(values, list) else ()) if isinstance(v, dict))
-
-
-def _degrees(text: Any) -> tuple[float, float] | None:
-    match = _DEGREES.match(text) if isinstance(text, str) else None
-    try:
-        return (float(match[1]), float(match[2])) if match else None
-    except ValueError:
-        return None
-
-
 def _of_geojson(content: dict[str, Any], source: Source) -> list[Track]:
     """Points as one table, each line as a track."""
     features = content.get("features") if content["type"] == "FeatureCollection" else [content]
     points: list[dict[str, Any]] = []
     lines: list[_Lines] = []
-    for number, feature in enumerate(_dicts(features)):
+    for number, feature in enumerate(dicts(features)):
         geometry = feature.get("geometry") if feature.get("type") == "Feature" else feature
         about = feature.get("properties")
         about = about if isinstance(about, dict) else {}

@@ -88,6 +88,11 @@ def flat_record(record: dict[str, Any], path: str = "") -> dict[str, Any]:
     return flat
 
 
+def dicts(values: Any) -> Iterator[dict[str, Any]]:
+    """The objects of a list; none of anything else."""
+    return (v for v in (values if isinstance(values, list) else ()) if isinstance(v, dict))
+
+
 def _alike(part: _Part, best: _Part) -> bool:
     """Whether two lists lie alike: under the same keys, or as deep and with the same columns."""
     if part.at.shape == best.at.shape:
