@@ -55,6 +55,54 @@ def test_rows_of_two_vehicles_are_none():
     assert found(lat) == []
 
 
+@pytest.mark.parametrize(("every", "away"), [(1.0, 450.0), (5.0, 500.0), (10.0, 700.0)])
+@pytest.mark.parametrize("course", [0.0, 60.0, 90.0])
+def test_single_places_at_which_a_vehicle_would_turn_round_at_speed_are_strays(every, away, course):
+    rows = [12, 25, 29, 59]
+    k = np.arange(60)
+    lat, lon = LAT + 1e-4 * every * k, np.full(60, 8.7)  # 11 m/s
+    aside = away / 111_195.0 * np.isin(k, rows)
+    lat += aside * np.cos(np.radians(course))
+    lon += aside * np.sin(np.radians(course)) / np.cos(np.radians(LAT))
+    time = every * k
+    assert np.flatnonzero(strays(time, lat, lon)).tolist() == rows[:-1]  # the last has no way back
+    told = np.where(aside > 0.0, 330.0, 3.0)  # as a network's fix that says so
+    assert not strays(time, lat, lon, told).any()
+    assert not strays(3.0 * 25.0 / every * time, lat, lon).any()  # there is time to turn
+
+
+def test_places_beside_strays_are_none():
+    lat = np.array(going(60))
+    lat[[20, 22]] += 0.006  # 20 and 22 are off, 21 is none
+    assert not strays(10.0 * np.arange(60), LAT + lat, np.full(60, 8.7))[21]
+    lat[30::4] += 0.006  # of more than a tenth nothing is known
+    assert not strays(10.0 * np.arange(60), LAT + lat, np.full(60, 8.7)).any()
+
+
+@pytest.mark.parametrize("lag", [None, "full"])
+@pytest.mark.parametrize("every", [5, 10])
+def test_a_place_that_is_off_by_half_a_kilometre_is_not_driven_to(every, lag):
+    way = corners("00", "04", "24", "20", "40", "44")
+    table = {k: np.asarray(v) for k, v in fixes(way, speed=11.0).items()}
+    table = {k: v[::every] for k, v in table.items() if k in ("time", "lat", "lon")}
+    sound = match(table, roads(), lag=lag)
+    row = len(table["time"]) // 2
+    wrong = {k: v.copy() for k, v in table.items()}
+    wrong["lat"][row] -= 600.0 / 111_195.0
+    result = match(wrong, roads(), lag=lag)
+    (note,) = result.summary["notes"]
+    assert note.startswith(f"places of 1 of {len(sound.points)} rows cannot be reached")
+    metres = 111_195.0 * (result.points.lat - sound.points.lat).to_numpy()
+    assert np.all(np.abs(metres) < result.points.protection_level_m)
+    assert result.path.edge_id.tolist() == sound.path.edge_id.tolist()
+    trips = {k: np.concatenate([wrong[k], table[k]]) for k in wrong}
+    trips["drive_id"] = np.repeat(["a", "b"], len(sound.points))
+    many = match_many(pa.table(trips), roads(), lag=lag)
+    np.testing.assert_array_equal(many.points["lat"].to_numpy()[: len(sound.points)],
+                                  result.points.lat)  # fmt: skip
+    assert many.drives["notes"].to_pylist() == [[note], []]
+
+
 @pytest.mark.parametrize("lag", [None, "full"])
 @pytest.mark.parametrize("rows", [[0], [0, 1], [30, 31], [-1]])
 def test_strays_take_no_other_row_with_them(rows, lag):

@@ -27,6 +27,7 @@ from .names import Column, find, normal
 from .reported_fixes import completed, is_vague, says_no_hdop
 from .resampled import RESAMPLED, resampling_notes
 from .rounded_places import rounding_notes
+from .stray_places import may_be_spikes
 from .table_units import Units
 from .units_by_places import TOO_FAST, distances, reachable
 from .unread_times import are_unlikely
@@ -104,6 +105,9 @@ def batched_fixes(
     moved = np.concatenate([[0.0], distances(columns["lat"], columns["lon"])])
     # else the times of the trip may be wrong, or its rows of several vehicles
     possible = ~((moved > TOO_FAST * step) | (moved > reachable(step)))
+    fast = may_be_spikes(moved, step)
+    fast[first] = False
+    possible[1:] &= ~(fast[1:] & fast[:-1])
     possible[first] = True
     mixed = np.append(alternating(columns["lat"], columns["lon"], first), False)
     size = np.diff(first, append=len(time))

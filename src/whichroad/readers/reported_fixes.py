@@ -152,7 +152,9 @@ def make_fixes(
     r = r.rows(np.flatnonzero(keep(~is_vague(r), TOO_VAGUE, skipped)))
     r = r.rows(in_order(r.time, skipped))
     fixes = completed(r, np.zeros(min(len(r.time), 1), np.int64), settings, skipped, grid)
-    fixes.flags[strays(fixes.time, fixes.lat_deg, fixes.lon_deg)] |= STRAY
+    sigma = np.sqrt(np.maximum(fixes.cov_ee, fixes.cov_nn))
+    sigma[(fixes.flags & SCATTERED) > 0] = np.inf  # all places are off
+    fixes.flags[strays(fixes.time, fixes.lat_deg, fixes.lon_deg, sigma)] |= STRAY
     return fixes
 
 

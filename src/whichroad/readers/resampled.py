@@ -22,7 +22,8 @@ RESAMPLED = (
 )
 _NOTES = {
     STRAY: "places of {} of {} cannot be reached from those around them, and are not used; "
-    "look for a stale place at the start, latitude and longitude swapped, or a lost sign",
+    "look for a stale place at the start, latitude and longitude swapped, a lost sign, or places "
+    "of a network among those of satellites",
     INTERPOLATED: "places of {} of {} lie on the lines between others, so they were interpolated; "
     "they are not used: give the fixes as they were measured",
     LATE_PLACE: "places of {} of {} are not known: places lag behind the speeds of their rows by "
