@@ -10,8 +10,8 @@ from whichroad._compile import Records
 from whichroad.filter.lookback.passage import TRAVERSAL, first_epochs, time_edges
 from whichroad.filter.state import EPOCH, NO_EDGE, OFF_ROAD
 from whichroad.filter.summary.estimate import new_output
-from whichroad.graph.network import records
-from whichroad.lookback.traversals import trimmed, without_glances
+from whichroad.graph.network import TURN_BANNED, U_TURN, records
+from whichroad.lookback.traversals import trimmed, without_glances, without_touches
 
 # a street of three edges of 100 m and a side street; edge 2 i + 1 is edge 2 i driven back
 ROADS = network(
@@ -220,3 +220,54 @@ def test_edges_at_the_ends_of_paths_stay():
     kept, first = without_glances(driven, np.array([0, 0, 2, 4, 4]), ROADS)
     assert kept.edge.tolist() == [0, 7, 2, 4]
     assert first.tolist() == [0, 0, 2, 4, 4]
+
+
+def driven_as(*edges: int, metres: float = 0.0, p: float = 0.5, seen: int = 3) -> Records:
+    """A timed path of 10 s each; of edges in the middle so many metres were driven."""
+    driven = records(len(edges), TRAVERSAL)
+    driven.edge, driven.p, driven.exit_m, driven.last_seen = edges, 0.95, 50.0, 9
+    driven.p[1:-1], driven.exit_m[1:-1], driven.last_seen[1:-1] = p, metres, seen
+    driven.enter_time[:] = 10.0 * np.arange(len(edges))
+    driven.exit_time[:] = driven.enter_time + 10.0
+    driven.rules[2] = U_TURN
+    return driven
+
+
+def test_edges_on_which_a_vehicle_would_turn_round_at_once_are_not_driven():
+    """In the junction of 2, 4 and the side street 6, 7 is the way back out of this."""
+
+    def left(*edges, **more):
+        driven = driven_as(*edges, **more)
+        kept, _ = without_touches(driven, np.array([0, len(edges)]), ROADS)
+        return kept.edge.tolist()
+
+    assert left(2, 6, 7, 4) == [2, 4]
+    assert left(2, 6, 7, 4, seen=-1, p=0.99) == [2, 4]  # seen by no point
+    assert left(2, 6, 7, 4, p=0.95) == [2, 6, 7, 4]  # points are sure of it
+    assert left(2, 6, 7, 4, metres=1.0) == [2, 6, 7, 4]
+    assert left(0, 6, 7, 4) == [0, 6, 7, 4]  # 0 and 4 do not join
+    assert left(2, 6, 4, 5) == [2, 6, 4, 5]
+
+
+def test_the_turn_past_edges_that_were_not_driven_has_its_own_rule_and_their_time():
+    roads = network([[[0.0, 0.0], [200.0, 0.0]], [[200.0, 0.0], [300.0, 0.0]],
+                     [[200.0, 0.0], [200.0, 80.0]]])  # fmt: skip
+    for rule in (0, TURN_BANNED):
+        turns = roads.turns[roads.edges[0].first_turn : roads.edges[0].end_turn]
+        turns.rule[turns.edge == 2] = rule
+        kept, _ = without_touches(driven_as(0, 4, 5, 2), np.array([0, 4]), roads)
+        assert kept.edge.tolist() == [0, 2]
+        assert kept.rules.tolist() == [0, rule]
+        assert kept.enter_time.tolist() == [0.0, 30.0]
+        assert kept.exit_time.tolist() == [30.0, 40.0]
+
+
+def test_edges_of_several_paths_are_left_out_of_their_own():
+    one = driven_as(2, 6, 7, 4)
+    driven = np.concatenate([one, one[:2], one]).view(type(one))
+    kept, first = without_touches(driven, np.array([0, 4, 4, 6, 10]), ROADS)
+    assert kept.edge.tolist() == [2, 4, 2, 6, 2, 4]
+    assert first.tolist() == [0, 2, 2, 4, 6]
+    driven = np.concatenate([one[:3], one[3:]]).view(type(one))
+    kept, first = without_touches(driven, np.array([0, 3, 4]), ROADS)  # of two paths
+    assert len(kept) == 4

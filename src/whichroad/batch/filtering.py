@@ -22,7 +22,7 @@ from ..filter.vetting.motion_sources import VETTING
 from ..graph.network import records
 from ..lookback.path import BestChains, Chain, heaviest_chain
 from ..lookback.smoothing import Lag, spans_of
-from ..lookback.traversals import Traversals, trimmed, untimed, without_glances
+from ..lookback.traversals import Traversals, trimmed, untimed, without_glances, without_touches
 from ..recorded import is_sparse
 from ..roadmap import RoadMap
 from ..settings import Settings, Vehicle
@@ -132,6 +132,7 @@ def filter_batch(
     drives = drives._replace(driven=driven, first_edge=first_edge)
     time_each(roads.arrays, epochs, output.rows, drives, np.zeros(len(drives.driven) + 1, np.int64))
     driven, first_edge = trimmed(drives.driven, drives.first_edge)
+    driven, first_edge = without_touches(driven, first_edge, roads.arrays)
     return Batch(epochs, output, drives.first_epoch.tolist(), driven, first_edge.tolist()), notes
 
 

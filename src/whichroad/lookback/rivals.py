@@ -43,6 +43,20 @@ def follow(roads: Roads, before: NDArray[np.int32], after: NDArray[np.int32]) ->
     return found
 
 
+def rules_of_turns(
+    roads: Roads, before: NDArray[np.int64], after: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """The rules, as bits, that turns from edges, (n,), into others break; -1: there is no turn."""
+    edges, turns = roads.edges.view(np.ndarray), roads.turns.view(np.ndarray)
+    first = edges["first_turn"][before]
+    row, place = row_and_place(edges["end_turn"][before] - first)
+    turn = turns[first[row] + place]
+    onto = turn["edge"] == after[row]
+    rules = np.full(len(before), -1, np.int64)
+    rules[row[onto]] = turn["rule"][onto]
+    return rules
+
+
 def shortest(roads: Roads, a: int, b: int) -> list[int] | None:
     """Edges between the end of edge a and the start of edge b; None: no route is short enough."""
     end = roads.vertices[roads.edges[a].last_vertex]

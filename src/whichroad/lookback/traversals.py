@@ -12,10 +12,12 @@ from ..filter.state import OFF_ROAD
 from ..filter.summary.estimate import Output
 from ..graph.network import Roads, records
 from .path import Chain
-from .rivals import follow
+from .rivals import follow, rules_of_turns
 
 _SHORT = 30.0  # m
 _GLANCE = 5.0  # s, on an edge that leads nowhere
+_TOUCHED = 0.5  # m of an edge, within which a vehicle that turns round on it was in the junction
+_SURE = 0.9  # P of an edge, from which on the points say that it was driven
 
 Traversals = Records  # (r,) TRAVERSAL, the edges of a path in driving order
 
@@ -97,6 +99,44 @@ def without_glances(
     return driven[left], np.append(0, np.cumsum(left))[first]
 
 
+def without_touches(
+    driven: Traversals, first: NDArray[np.int64], roads: Roads
+) -> tuple[Traversals, NDArray[np.int64]]:
+    """Several paths, timed, without edges that are left by a turn round before they are driven.
+
+    In a junction, an edge that leads out of it may be the likeliest one for a while.  The chain
+    leaves it by its opposite, neither being driven, and that would count as a U-turn.  Where
+    the edges around join, their turn is the one that was driven, also where it is banned.  The
+    edge before has the time.  Points that are sure of an edge keep it.
+
+    Args:
+        driven: Their rows.  Times and rules of those beside what is left out are changed.
+        first: (d + 1,) where each begins, and the number of rows.
+        roads: The network.
+
+    Returns:
+        The rows that are left, and where each path begins in them.
+    """
+    if len(driven) < 4:
+        return driven, first
+    rows, edges = driven.view(np.ndarray), roads.edges.view(np.ndarray)
+    touched = rows["exit_m"] - rows["enter_m"] < _TOUCHED
+    touched &= ((rows["last_seen"] < 0) | (rows["p"] < _SURE)) & ~rows["gap"]
+    at = np.flatnonzero(touched[1:-2] & touched[2:-1] & ~rows["gap"][3:]) + 1
+    at = at[edges["opposite"][rows["edge"][at]] == rows["edge"][at + 1]]
+    at = at[np.diff(at, prepend=-4) > 3]  # of several on end the first
+    at = at[np.searchsorted(first, at - 1, "right") == np.searchsorted(first, at + 2, "right")]
+    rules = rules_of_turns(roads, rows["edge"][at - 1], rows["edge"][at + 2])
+    at, rules = at[rules >= 0], rules[rules >= 0]
+    if not len(at):
+        return driven, first
+    rows["exit_time"][at - 1] = rows["enter_time"][at + 2]
+    rows["rules"][at + 2] = edges["rule"][rows["edge"][at + 2]] | rules
+    left = np.ones(len(driven), bool)
+    left[at] = left[at + 1] = False
+    return driven[left], np.append(0, np.cumsum(left))[first]
+
+
 def untimed(chains: Sequence[Chain]) -> tuple[Traversals, NDArray[np.int64]]:
     """The edges of paths, repeats joined; when and where they were driven is not filled in.
 
@@ -159,4 +199,5 @@ def traversals(epochs: Records, output: Output, chain: Chain, roads: Roads) -> T
     if epochs["filled"].any():
         place_in_gaps(roads, driven, epochs, estimates)
     begin = _begin(driven)
-    return driven[begin:] if begin else driven
+    driven = driven[begin:] if begin else driven
+    return without_touches(driven, np.array([0, len(driven)]), roads)[0]
