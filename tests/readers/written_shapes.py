@@ -107,6 +107,14 @@ def _(d, p):
     return text(p / "a.geojson", json.dumps(content))
 
 
+@kind("GeoJSON of one feature of points")
+def _(d, p):
+    places = [[o, a] for a, o in zip(d.lat, d.lon, strict=True)]
+    feature = {"type": "Feature", "properties": {"times": list(d.iso)},
+               "geometry": {"type": "MultiPoint", "coordinates": places}}  # fmt: skip
+    return text(p / "a.geojson", json.dumps(feature))
+
+
 @kind("GeoJSON line", timed=False)
 def _(d, p):
     line_of(d).to_file(p / "a.geojson", COORDINATE_PRECISION=9)

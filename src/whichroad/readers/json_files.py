@@ -89,10 +89,12 @@ def _of_geojson(content: dict[str, Any], source: Source) -> list[Track]:
         about = about if isinstance(about, dict) else {}
         geometry = geometry if isinstance(geometry, dict) else {}
         places, kind = geometry.get("coordinates"), geometry.get("type")
-        if kind in ("Point", "MultiPoint", None):  # one without a place is a row without it
+        timed = kind == "MultiPoint" and isinstance(_times(about), list)
+        if kind in ("Point", "MultiPoint", None) and not timed:
+            # one without a place is a row without it
             there = _places(places if kind == "MultiPoint" else [places], flat_record(about))
             points += list(there) or [{**flat_record(about), "lat": None, "lon": None}]
-        elif kind in ("LineString", "MultiLineString"):
+        elif timed or kind in ("LineString", "MultiLineString"):
             lines += _lines(places, kind == "MultiLineString", about, str(number))
     tracks = [Track("", points)] if any(row["lat"] is not None for row in points) else []
     for line in lines:
@@ -107,13 +109,18 @@ def _lines(places: Any, many: bool, about: dict[str, Any], number: str) -> list[
     """The parts of a line joined, with times as togeojson and Mapbox write them."""
     parts = places if many and isinstance(places, list) else [places]
     coordinates = [p for part in parts if isinstance(part, list) for p in part]
-    inner = about.get("coordinateProperties")
-    times = about.get("coordTimes") or about.get("coordinate_times") or about.get("times")
-    times = times or (inner.get("times") if isinstance(inner, dict) else None)
+    times = _times(about)
     if isinstance(times, list) and times and isinstance(times[0], list):
         times = [t for part in times for t in part]
     name = about.get("name") or about.get("id") or number
     return [_Lines(coordinates, times if isinstance(times, list) else None, str(name))]
+
+
+def _times(about: dict[str, Any]) -> Any:
+    """What the properties of a feature tell of the times of its points."""
+    inner = about.get("coordinateProperties")
+    times = about.get("coordTimes") or about.get("coordinate_times") or about.get("times")
+    return times or (inner.get("times") if isinstance(inner, dict) else None)
 
 
 def _places(places: Any, about: dict[str, Any]) -> Iterable[dict[str, Any]]:
