@@ -111,6 +111,20 @@ UNMAPPED = np.dtype(  # fixes that lie beside the road, see `filter.unmapped`
     align=True,
 )
 
+DOPPLER = np.dtype(  # fixes against the velocities reported with them: `gnss.doppler_scale`
+    [
+        ("error", "f8", (2,)),  # by which they have drifted, m
+        ("place", "f8", (2,)),  # x, y (plane) of the last fix,
+        ("velocity", "f8", (2,)),  # m/s, and
+        ("time", "f8"),  # s
+        ("lasted", "f8"),  # s, over which they were compared
+        ("factor", "f8"),  # on reported variances,
+        ("shown", "f8"),  # and its largest value of late
+        ("until", "f8"),  # time up to which fixes are taken to lie far beside the road, s
+    ],
+    align=True,
+)
+
 DROPPED = np.dtype(  # ways between sparse fixes that nobody follows, see `sparse.dropped`
     [
         ("p", "f8"),  # P of them
@@ -170,6 +184,7 @@ SEPARATION = np.dtype(  # all of them, and how restless the receiver is
         ("departure", DEPARTURE),
         ("roads", ROADS_LEFT),
         ("unmapped", UNMAPPED),
+        ("doppler", DOPPLER),
         ("dropped", DROPPED),
         ("gross", GROSS),
         ("carried", CARRIED),

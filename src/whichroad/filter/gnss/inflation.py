@@ -10,6 +10,7 @@ import math
 
 from ..._compile import Record, Vector, kernel
 from ..state import CLOCK, GX, GY, OFF_ROAD, WHEELS, Belief
+from .doppler_scale import largest_factor
 
 COARSE = 40.0  # m, sigma of a fix about which the roads of a town are too many to follow them all
 NEVER = 1e9  # s, adaptation times beyond this mean: never
@@ -93,12 +94,14 @@ def most_factor(state: Record, par: Record, fix: Vector) -> float:
     """The largest factor on reported variances that is learnt.
 
     Without wheels a wrong road would explain itself by a bad receiver.  So the receiver errs
-    by w times what it reports, or by 15 m, whichever is more, but not by more than that.
+    by w times what it reports, or by 15 m, whichever is more, but not by more than that.  Where
+    its fixes lie far beside the road it errs by w, or by what `doppler_scale` bears out.
     """
     if state.mode == WHEELS:
         return _MOST
     reported = 0.5 * (fix[2] ** 2 + fix[3] ** 2)
-    return float(min(max(inflation_of(par, fix), _LARGEST**2 / reported), _MOST))
+    largest = min(_LARGEST**2 / reported, largest_factor(state))
+    return float(min(max(inflation_of(par, fix), largest), _MOST))
 
 
 @kernel

@@ -20,6 +20,7 @@ from ..state import (
     most_probable,
 )
 from .bias import FAULT, is_solved
+from .doppler_scale import compare_with_velocity, largest_factor
 from .inflation import COARSE, NEVER, is_inflated, is_vouched, learn_by_roads, most_factor, tail_of
 from .position import NU0, NU1, V00, V11
 
@@ -139,6 +140,7 @@ def learn_factor(belief: Belief, ctx: Context, epoch: Record, white: float, movi
     since = min(max(epoch.time - state.factor_time, 0.0), _RECENT)
     if since < _SECOND:
         return
+    compare_with_velocity(state, epoch)
     moving = state.unlearnt
     state.unlearnt = 0.0
     state.factor_time = epoch.time
@@ -218,6 +220,7 @@ def _average_energy(
         mean = hyp.mu
         energy = mean[GX] ** 2 + hyp.cov[GX, GX] + mean[GY] ** 2 + hyp.cov[GY, GY]
         lost = mean[GX] ** 2 + mean[GY] ** 2 > FAULT**2
+        lost = lost or (hyp.edge == OFF_ROAD and state.mode != WHEELS)
         total += weight
         if stands and chi2 < 9.0:  # the error is constant as well, and innovations vanish
             by_innovations += weight * state.innovation_factor / factor
@@ -236,9 +239,12 @@ def _average_energy(
     state.innovation_mean[1] += new * second - (1.0 - _PERSISTS) * state.innovation_mean[1]
     state.innovation_factor += gain * (factor * by_innovations / total - state.innovation_factor)
     state.bias_factor += bias_gain * (factor * by_bias / total - state.bias_factor)
+    most = most_factor(state, ctx.par[0], fix)
+    if state.mode != WHEELS and largest_factor(state) < math.inf:  # forget what refuted roads told
+        state.windowed_factor = min(state.windowed_factor, most)
+        state.bias_factor = min(state.bias_factor, most)
     learnt = max(state.innovation_factor, state.windowed_factor, state.bias_factor)
-    least = least_factor(state, ctx.par[0])
-    state.gnss_factor = min(max(learnt, least), most_factor(state, ctx.par[0], fix))
+    state.gnss_factor = min(max(learnt, least_factor(state, ctx.par[0])), most)
 
 
 class Side(NamedTuple):
