@@ -152,3 +152,41 @@ def test_on_line_it_is_used_whether_it_comes_before_the_fix_or_after(first: bool
         recorded = match(table, roads()).points.speed_mps
         np.testing.assert_allclose(speeds[3:], recorded[3:], atol=0.5)
         assert estimate.p_road > 0.9
+
+
+@pytest.mark.parametrize("change", [1500.0, -400.0, 5000.0])
+def test_a_reading_that_contradicts_its_leg_says_nothing_of_the_speed(change: float):
+    table, _ = driven(0)
+    odometer = table["odometer_m"].copy()
+    odometer[4:] += change
+    for lag in (None, "full"):
+        speed = match({**table, "odometer_m": odometer}, roads(), lag=lag).points.speed_mps
+        assert (np.abs(speed[3:] - 10.5) < 2.5).all()
+
+
+@pytest.mark.parametrize("before", [5e-5, 1.0])
+def test_readings_shortly_before_each_fix_are_those_of_the_fix(before: float):
+    share = []
+    for seed in range(4):
+        table, names = driven(seed)
+        read = pd.DataFrame(
+            {"time": table["time"] - before, "odometer_m": table["odometer_m"] - 10.0 * before}
+        )
+        rows = pd.concat([pd.DataFrame(without(table)), read]).sort_values("time")
+        share.append(right(rows.reset_index(drop=True), names)[0])
+    assert np.mean(share) >= 0.9
+
+
+def test_on_line_a_hole_of_an_odometer_without_fixes_is_no_rest():
+    """It is read each second, and a tunnel has begun."""
+    localizer = Localizer(road_map({"long": [(-500.0, 0.0), (9000.0, 0.0)]}))
+    rng = np.random.default_rng(0)
+    for t in np.arange(121.0):
+        if not 95.0 < t < 106.0:
+            estimate = localizer.update(Distance(1.6e9 + t, 20.0 * t))
+        if t <= 80.0:
+            lat, lon = rng.normal(0.0, SIGMA, 2) * M + np.array([0.0, 20.0 * t * M])
+            localizer.update(
+                GeoFix(time=1.6e9 + t, lat_deg=lat, lon_deg=lon, cov_ee=SIGMA**2, cov_nn=SIGMA**2)
+            )
+    assert abs(estimate.pose.lon / M - 2400.0) < 60.0

@@ -49,7 +49,7 @@ from .looks_back import LooksBack
 from .one_odometry import SECOND, is_worse
 from .pauses import APART, LateReadings, Pauses, Streams
 from .remembers import Remembers
-from .seldom import forget, is_seldom, write_reading
+from .seldom import forget, seldom_by, write_reading
 from .sensing import Sensing
 from .set_back import Clocks
 from .silence import between, is_speed, learnt, lost_after, silent_after
@@ -257,9 +257,10 @@ class Localizer(LooksBack, Watched, Pauses, Remembers, Ties):
         if now and is_worse(reading, now) and not self._is_lost(reading.time - now.time):
             self.skipped[SECOND] = self.skipped.get(SECOND, 0) + 1
             return False
-        if is_seldom(now, reading, self._far_fix[0]):  # it tells the way to the next fix
+        if seldom := seldom_by(now, reading, self._interval, self._far_fix[0], self._filter):
             self._steps.even(reading)
             self._reading, self._odometer = reading, (reading.time, 0.0, 0.0)
+            self._interval = seldom
             self._filter.set_mode(CLOCK, reading.geared)
             return True
         reading = self._steps.even(self._glitches.without(now, reading, self.skipped))
@@ -348,8 +349,7 @@ class Localizer(LooksBack, Watched, Pauses, Remembers, Ties):
             sigma_speed = math.hypot(sigma_speed, since.speed_sigma)
         now.add_fix((x, y, major, minor, axis, fix.speed, sigma_speed, course, sigma))
         self._gyro.takeover.fixed(fix.lat_deg, fix.lon_deg, math.sqrt(major * minor))
-        if now.mode == CLOCK and isinstance(self._reading, Distance):
-            write_reading(now, self._reading, time, self.vehicle, self._steps)
+        write_reading(now, self._reading, time, self.vehicle, self._steps)
         self._run()
         forget(now)
         self._far_fix = (time, self._filter.disbelieved(x, y, major))

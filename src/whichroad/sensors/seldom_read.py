@@ -19,6 +19,7 @@ UNFIT = "distance"
 SELDOM = 8.0  # s between readings and between fixes, usually, from which on it is seldom;
 RARE = 15.0  # and between readings, however often fixes come
 
+_BEYOND = 5.0  # s before the first and after the last reading, in which it goes on as it did
 _UNEVEN = 0.5  # of the way to the nearer reading: sigma of a place between two readings
 _FASTEST, _MORE = 70.0, 2000.0  # m/s, and m, beyond which an odometer was set anew
 _ANEW = 1e7  # m, by which it then goes on: no vehicle drives as far between two fixes
@@ -59,7 +60,8 @@ class Seldom:
         Returns:
             `UNFIT` where it does not fit the fixes and so tells nothing, else nothing.
         """
-        epochs.filled[np.isin(epochs.time, self._between) & (epochs.evidence == 0)] = 1
+        own = np.isin(epochs.time, self._between) & (epochs.has_fix == 0)
+        epochs.filled[own & (epochs.evidence == 0)] = 1
         if self._metres is None:
             return ()
         epochs.odometer = self._read(epochs.time)
@@ -75,14 +77,15 @@ class Seldom:
         assert self._anew is not None
         when = self._time
         at = np.searchsorted(when, time).clip(1, len(when) - 1)
-        share = ((time - when[at - 1]) / np.maximum(when[at] - when[at - 1], 1e-9)).clip(0.0, 1.0)
-        near = np.minimum(share, 1.0 - share)
+        share = (time - when[at - 1]) / np.maximum(when[at] - when[at - 1], 1e-9)
+        near = np.minimum(abs(share), abs(1.0 - share))
         way = np.where(self._anew[at - 1], 0.0, np.diff(self._metres)[at - 1])
         sigma = _UNEVEN * near * way
         read = np.zeros((len(time), 2))
         read[:, 0] = self._metres[at - 1] + share * np.diff(self._metres)[at - 1]
         read[:, 1] = LEAST + self._step**2 / 6.0 + sigma**2 + np.append(0.0, sigma[:-1]) ** 2
-        known = (time >= when[0]) & (time <= when[-1]) & ~(self._anew[at - 1] & (near > 0.0))
+        known = (time >= when[0] - _BEYOND) & (time <= when[-1] + _BEYOND)
+        known &= ~(self._anew[at - 1] & (near > 0.0))
         read[~known] = 0.0
         return read
 

@@ -37,6 +37,7 @@ from .candidates import (
     SparseFix,
     heavy_tail,
     on_map,
+    trusting,
     usual_speed,
     variance_along,
 )
@@ -221,9 +222,11 @@ def arrive(belief: Belief, path: Path, ctx: Context, p: int, fix: SparseFix) -> 
     tx, ty = hyp.tangent[0], hyp.tangent[1]
     hyp.leg.variance = hyp.along_sigma**2
     hyp.leg.begun = hyp.mu[K] * fix.driven.free.distance_by_speed
-    transition = _transition(hyp, ctx, pair, tx, ty, fix)
-    foot = _foot(hyp, state, ctx, pair.goal, transition, fix)
-    predict_transition(hyp, ctx, transition, foot, math.atan2(ty, tx), fix.process)
+    length = ctx.work.search.label[pair.label].length if pair.label >= 0 else -hyp.along
+    seen = trusting(fix, length + ctx.work.near[pair.goal].s, hyp.along_sigma**2)
+    transition = _transition(hyp, ctx, pair, tx, ty, seen)
+    foot = _foot(hyp, state, ctx, pair.goal, transition, seen)
+    predict_transition(hyp, ctx, transition, foot, math.atan2(ty, tx), seen.process)
     place_on_road(hyp, state, ctx, transition, foot, edge)
     _note_leg(hyp, state, transition, fix)
     hyp.log_weight -= pair.cost

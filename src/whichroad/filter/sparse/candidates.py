@@ -13,7 +13,7 @@ from ..map_error import map_variance
 from ..road import track
 from ..speed_process import SpeedProcess, speed_process
 from ..state import GX, GY, MX, MY, OFF_ROAD, Belief, Context, K, X, Y, heaviest
-from .driven import Driven, conditioned, driven_by, driven_to
+from .driven import Driven, conditioned, driven_by, driven_to, trusted
 from .driver import begin_driver, learn_leg, learn_scale, likely_excess, pace_of
 
 _TAIL = 0.3  # least variance of a distance over its squared deviation, where it is longer,
@@ -210,6 +210,17 @@ def fix_of(hyp: Record, fix: SparseFix) -> SparseFix:
     return SparseFix(
         fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep, dt,
         process, fix.found, fix.beyond, pace, per_metre, fix.coarse, driven,
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def trusting(fix: SparseFix, went: float, variance: float) -> SparseFix:
+    """A fix without the odometer where that contradicts the way to it, of so many metres."""
+    driven = trusted(fix.driven, went, variance + fix.sigma * fix.sigma)
+    return SparseFix(
+        fix.x, fix.y, fix.map_x, fix.map_y, fix.sigma, fix.radius, fix.jitter, fix.bias_keep,
+        fix.dt, conditioned(driven), fix.found, fix.beyond, fix.pace, fix.per_metre, fix.coarse,
+        driven,
     )  # fmt: skip
 
 

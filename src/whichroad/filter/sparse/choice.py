@@ -21,7 +21,7 @@ from .candidates import (
     u_turn_cost,
     usual_speed,
 )
-from .driven import Driven, believed, by_speed, distance_of, is_measured
+from .driven import Driven, believed, by_speed, distance_of, is_measured, trusted
 
 _WORTH = 6.0  # nats below the best pair, from which on a route is dropped,
 _TURN_WORTH = 9.0  # and one that turns round: only later fixes show it
@@ -77,8 +77,10 @@ def _misfit(went: float, usual: float, start: Departure, fix: SparseFix) -> floa
 @kernel
 def _seen_by_fix(went: float, usual: float, start: Departure, fix: SparseFix) -> float:
     """What observing the fix will cost who arrives by a distance, nats; see `arrival`."""
-    off = went - distance_of(fix.driven, fix.pace * usual, start.rate)
-    wide = heavy_tail(start.variance, off, fix.jitter) + fix.sigma * fix.sigma
+    driven = trusted(fix.driven, went, start.variance + fix.sigma * fix.sigma)
+    off = went - distance_of(driven, fix.pace * usual, start.rate)
+    more = driven.free.variance if driven.gain < fix.driven.gain else 0.0
+    wide = heavy_tail(start.variance + more, off, fix.jitter) + fix.sigma * fix.sigma
     return 0.5 * (off * off / wide + math.log(wide))
 
 

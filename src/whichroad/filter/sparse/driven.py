@@ -17,6 +17,7 @@ from ..speed_process import SpeedProcess
 
 _FARTHEST = 1e6  # m, of one leg; beyond it the odometer was set anew
 _LEAST_VARIANCE = 1.0  # m², of a distance
+_CONTRADICTS = 16.0  # squared sigmas from the way to a fix, from which on that alone is believed
 _MOSTLY = 0.5  # of the gain, from which on the odometer and not the speed tells the distance
 
 
@@ -54,7 +55,7 @@ def driven_to(driver: Record, reading: Record, free: SpeedProcess, dt: float) ->
         dt: Since the epoch before, s.
     """
     metres = reading.odometer[0] - driver.odometer
-    if reading.odometer[0] == 0.0 or driver.odometer == 0.0 or abs(metres) > _FARTHEST:
+    if reading.odometer[0] == 0.0 or driver.odometer == 0.0 or not 0.0 <= metres <= _FARTHEST:
         return driven_by(free, dt, 0.0, 0.0, 0.0)
     variance = reading.odometer[1] + driver.scale_variance * metres * metres
     variance = max(variance, _LEAST_VARIANCE)
@@ -127,3 +128,12 @@ def believed(read: float, alone: float, wrong: float) -> float:
 def is_measured(driven: Driven) -> bool:
     """Whether the odometer tells the distance, and the speed hardly does."""
     return bool(driven.gain > _MOSTLY)
+
+
+@kernel
+def trusted(driven: Driven, went: float, variance: float) -> Driven:
+    """The same, without the odometer where it contradicts a way of some metres (variance, m²)."""
+    off = went - driven.metres
+    if driven.gain == 0.0 or off * off <= _CONTRADICTS * (driven.variance + variance):
+        return driven
+    return Driven(0.0, 0.0, 0.0, driven.wrong, driven.seconds, driven.free)
