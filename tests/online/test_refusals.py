@@ -14,12 +14,14 @@ from whichroad.observations import (
     Distance,
     Drive,
     GeoFix,
+    SensorReading,
     SpeedYaw,
     WheelSpeed,
     WheelTicks,
 )
 from whichroad.online import Localizer
 from whichroad.recorded import localize_recorded
+from whichroad.sensors import Compass
 from whichroad.sensors.validation import NO_VARIANCE, NOT_A_COVARIANCE, TOO_VAGUE
 from whichroad.settings import Settings, to_toml
 
@@ -96,6 +98,25 @@ def test_a_clock_that_was_set_back_or_one_wrong_time_is_outlived(by: float, sens
     assert estimate.answered
     assert estimate.time == pytest.approx(time, abs=1.0)
     assert estimate.status in ("on_road", "ambiguous")
+
+
+@pytest.mark.parametrize("ahead", [0.4, 18.0, 3600.0])
+@pytest.mark.parametrize("first", [0, 101])
+def test_a_further_sensor_whose_clock_is_ahead_shuts_nobody_out(ahead: float, first: int):
+    """It moves nothing, and does not decide which time it is."""
+    online = Localizer(TOWN, vehicle=CAR, sensors=[Compass()])
+    for k in range(300):
+        time = STRAIGHT.time[k]
+        if k >= first and k % 2 == 0:
+            online.update(SensorReading(time + ahead, {"compass_deg": 90.0}))
+        online.update(SpeedYaw(time, 10.0, 0.0))
+        if k % 10 == 0:
+            estimate = online.update(town_fix(STRAIGHT.x[k], -1.75, time))
+    assert estimate.answered
+    x, _ = TOWN.plane.from_geodetic(np.array([estimate.pose.lat]), np.array([estimate.pose.lon]))
+    assert abs(x[0] - STRAIGHT.x[290]) < 15.0
+    assert online.skipped["late"] < 20
+    assert [finding.what for finding in online.diagnosis] == ["readings: clock"]
 
 
 def test_an_old_reading_among_others_begins_nothing_anew():

@@ -17,7 +17,7 @@ from typing import Any
 
 from ..diagnosis.sensor_states import SensorState
 from ..errors import WhichroadError
-from ..observations import GeoFix, Observation
+from ..observations import GeoFix, Observation, SensorReading
 from ..online import Estimate, Localizer
 from ..readers.reckoned_places import HEARD
 from .dead_reckoning import DeadReckoning
@@ -41,6 +41,7 @@ _ASSUMED = 1.0  # s, usual interval of the observations before two have come
 _LOST = 1.0  # s of messages, at most, between the last checkpoint and a crash
 _LEAST = 0.02  # s, shortest time between messages triggered by fixes
 _AHEAD = 5.0  # s, largest difference of clocks beyond the window
+_LEADS = 1.0  # s by which readings of further sensors may be ahead of fixes and odometry
 _OTHERS_SILENT = 3.0  # s of silence of the other inputs after which a differing clock is accepted
 _RECENT = 0.25  # s after a fix during which the next fix is expected
 _BETWEEN = 1.5  # factor on the message interval for odometry while a fix is expected
@@ -100,6 +101,7 @@ class FilterLoop:
         self._fix: GeoFix | None = None
         self._fix_masked = False
         self._receiver = UNKNOWN
+        self._own = (-math.inf, -math.inf)  # time of the newest fix or odometry; its arrival
         self._last_message = self._last_arrival = -1e9  # clock at the last message and observation
         self._known: tuple[SensorState, ...] = ()
         self._asked_at = -1e9  # clock at the last look at the sensors' states
@@ -152,10 +154,17 @@ class FilterLoop:
     def _in_time(self, observations: Sequence[Observation], now: float) -> bool:
         """Whether an input's clock agrees with the others; a lone input is accepted."""
         buffer, silent = self.buffer, now - self._last_arrival
-        newest = max(buffer.now, self._newest)
+        newest, first = max(buffer.now, self._newest), observations[0]
+        own, own_arrival = self._own
+        if isinstance(first, SensorReading):  # it does not decide which time it is
+            if first.time - own > now - own_arrival + max(buffer.window, _LEADS):
+                buffer.skipped["readings ahead of fixes and odometry"] += len(observations)
+                return False
+        else:
+            self._own = (max(own, observations[-1].time), now)
         if newest < 0.0:
             return True
-        ahead = observations[0].time - newest
+        ahead = first.time - newest
         if ahead > silent + _AHEAD:
             why = "clock ahead of the others"
         elif ahead < -buffer.window - _AHEAD:

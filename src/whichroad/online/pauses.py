@@ -25,6 +25,9 @@ _STEADY = 5.0  # s by which it may change meanwhile
 SET_BACK = "clock set back: started anew"
 AT_FIXES = "clock ahead of the fixes: started anew at their time"
 AHEAD = "clock ahead of the fixes"
+LEADS = "reading of a sensor ahead of fixes and odometry"
+_LED = 3  # fixes or odometry in order that a reading of a sensor made late, to doubt its clock
+_FAR_AHEAD = 2.0  # s, from which on the filter begins anew at the time of fixes and odometry
 
 
 class Stream:
@@ -77,13 +80,54 @@ class Stream:
         return self._until - self._alone[0] >= _BLIND
 
 
+class Lead:
+    """Whether readings of further sensors run ahead of fixes and odometry, which these make late.
+
+    A further sensor moves nothing and starts nothing, so it does not decide which time it is.
+
+    Args:
+        time: Of the last fix or odometry before the first of its readings, s.
+    """
+
+    __slots__ = ("_led", "_newest", "_taken", "_usual")
+
+    def __init__(self, time: float) -> None:
+        self._led, self._usual = 0, 1.0
+        self._newest = self._taken = time  # of fixes and odometry: heard; used
+
+    def heard(self, time: float) -> None:
+        """A fix or odometry came."""
+        if 0.0 < time - self._newest < 10.0:
+            self._usual = min(time - self._newest, 1.0)
+        self._newest = time
+
+    def is_led(self, time: float, now: float) -> bool:
+        """Whether a fix or odometry is late only by a further sensor, three in a row."""
+        if time <= self._taken or now <= self._taken:
+            self._led = 0
+            return False
+        self._led += 1
+        return self._led >= _LED
+
+    def took(self, time: float) -> None:
+        """A fix or odometry was used."""
+        self._taken = time
+        if self._led < _LED:
+            self._led = 0
+
+    def is_ahead(self, time: float) -> bool:
+        """Whether a further reading is of a clock that was found to run ahead."""
+        return self._led >= _LED and time > self._newest + 1.5 * self._usual
+
+
 class Streams:
     """Readings by kind: fixes, odometry, and those of further sensors."""
 
-    __slots__ = ("fixes", "further", "odometry")
+    __slots__ = ("fixes", "further", "lead", "odometry")
 
     def __init__(self) -> None:
         self.fixes, self.odometry, self.further = Stream(), Stream(), Stream()
+        self.lead: Lead | None = None  # of further readings, where there are any
 
     def of(self, observation: Observation) -> Stream:
         """The one to which an observation belongs."""
@@ -145,6 +189,14 @@ class Pauses:
         """Whether a reading is taken by its time; begins anew where others can be none."""
         time, now, stream = observation.time, self._filter, self._streams.of(observation)
         late = now.time - time
+        lead = self._streams.lead
+        if stream is self._streams.further:
+            if lead is None:
+                self._streams.lead = lead = Lead(now.time)
+            if lead.is_ahead(time):
+                return self._refuse(LEADS, stream, late)
+        elif lead is not None:
+            lead.heard(time)
         if stream.ahead and late < -APART:
             return self._refuse(AHEAD, stream, late)
         may = min(_FIX_LATE, self._clocks.latest) if stream is self._streams.fixes else 0.0
@@ -154,11 +206,21 @@ class Pauses:
             elif stream is self._streams.fixes and stream.is_of_another_clock:
                 self._begin_anew(AT_FIXES)
                 self._streams.odometry.ahead = self._streams.further.ahead = True
+            elif (
+                lead is not None
+                and stream is not self._streams.further
+                and lead.is_led(time, now.time)
+                and late > _FAR_AHEAD
+            ):
+                self._begin_anew(LEADS + ": started anew at their time")
+                self._streams.lead = lead
             else:
                 return self._refuse("late", stream, late)
             stream, late = self._streams.of(observation), 0.0  # new ones
         self._late.took()
         stream.took()
+        if lead is not None and stream is not self._streams.further:
+            lead.took(time)
         clocks = self._clocks
         if stream is self._streams.odometry:
             clocks.moved(observation, late)  # type: ignore[arg-type]
