@@ -74,7 +74,6 @@ class Seldom:
     def _read(self, time: Array) -> Array:
         """At some times, (n, 2): m, and the variance of the way from the time before, m²."""
         assert self._metres is not None
-        assert self._anew is not None
         when = self._time
         at = np.searchsorted(when, time).clip(1, len(when) - 1)
         share = (time - when[at - 1]) / np.maximum(when[at] - when[at - 1], 1e-9)
