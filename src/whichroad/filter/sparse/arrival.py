@@ -207,6 +207,7 @@ def _note_leg(hyp: Record, state: Record, transition: Transition, fix: SparseFix
     leg.length = transition.length
     leg.free = transition.free
     leg.driven = fix.driven.metres if fix.driven.gain > 0.0 else -1.0
+    leg.driven_variance = fix.driven.variance
 
 
 @kernel(inline=True)

@@ -37,6 +37,7 @@ LEG = np.dtype(
         ("pace", "f8"),  # of the vehicle's way so far, speed over the usual one; 0: as the drive's
         ("known", "f8"),  # information on it
         ("driven", "f8"),  # by the odometer, m; < 0: it told nothing
+        ("driven_variance", "f8"),  # of that, by its steps and its scale, m²
         ("haste", "f8"),  # what its speed has said against its roads, nats, >= 0: filter.haste
     ],
     align=True,
@@ -89,7 +90,7 @@ def begin_leg(leg: Record) -> None:
 def forget_leg(leg: Record) -> None:
     """There is none."""
     leg.at = leg.seconds = leg.length = leg.free = leg.begun = leg.variance = 0.0
-    leg.driven = -1.0
+    leg.driven, leg.driven_variance = -1.0, 0.0
 
 
 @kernel
@@ -151,7 +152,7 @@ def learn_scale(driver: Record, hyp: Record) -> None:
         return
     read = leg.driven / driver.scale
     off = leg.length + hyp.along - leg.driven
-    wide = leg.variance + hyp.along_sigma**2 + driver.scale_variance * read * read
+    wide = leg.variance + hyp.along_sigma**2 + leg.driven_variance
     odd = off * off > _CONTRADICTS * wide
     driver.wrong += ((_MOST_WRONG if odd else _WRONG) - driver.wrong) / _LEGS
     if odd:
