@@ -157,7 +157,8 @@ class FilterLoop:
         newest, first = max(buffer.now, self._newest), observations[0]
         own, own_arrival = self._own
         if isinstance(first, SensorReading):  # it does not decide which time it is
-            if first.time - own > now - own_arrival + max(buffer.window, _LEADS):
+            leads = first.time - own - (now - own_arrival)  # NaN where none of these was heard yet
+            if not leads <= max(buffer.window, _LEADS):
                 buffer.skipped["readings ahead of fixes and odometry"] += len(observations)
                 return False
         else:
